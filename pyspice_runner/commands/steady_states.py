@@ -92,8 +92,7 @@ def map_points(call: Call) -> int:
     call.check(".nc", ".csv", ".json", starts=False)
     limits, axes = common.limits_of(call.limit, bare=True), common.axes_of(call.over)
     if call.loaded.is_transducer:
-        _linear_map(call, axes, limits)
-        return 0
+        return _linear_map(call, axes, limits)
     bounds = {name: high if low == -inf else (low, high) for name, (low, high) in limits.items()}
     free = call.speed is None and not call.load_torque and not LOADS.keys() & set(map(canonical, axes))
     if not (free and call.objective in ("efficiency", "power")):  # whose speed is found under the given drive
@@ -107,7 +106,7 @@ def map_points(call: Call) -> int:
     return status
 
 
-def _linear_map(call: Call, axes: dict[str, list[float]], limits: dict[str, tuple[float, float]]) -> None:
+def _linear_map(call: Call, axes: dict[str, list[float]], limits: dict[str, tuple[float, float]]) -> int:
     """Deliver the steady states of a transducer on a grid, and the point of most power into its load within limits."""
     from pyspice_runner.steady.transducer import transducer_state
 
@@ -132,6 +131,7 @@ def _linear_map(call: Call, axes: dict[str, list[float]], limits: dict[str, tupl
     shown = {f"best {name}": f"{value:.6g}" for name, value in best.items()} if best else {"best": "none within limits"}
     table = common.summary_table(shown, f"{motor.name}: {goal} over {' and '.join(axes)}")
     call.write(result.to_dict() | json_ready({"best": best, "limits": limits}), table, result.save, result.plot)
+    return 3 if result.failures else 0
 
 
 @command(

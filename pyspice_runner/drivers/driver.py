@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, pairwise
-from math import asin, inf, pi, sqrt
+from math import asin, inf, log, pi, sqrt
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, PrivateAttr
@@ -69,6 +69,9 @@ _SERIES = {"inductor": ("inductance", "resistance"), "llcc": ("series_inductance
 
 DELAY = "start_delay"  # first part of parameters of a bridge: the control charges a capacitance to 1 V of its sign
 COMPARATOR_V = 1e-3  # control at which the comparators of bridges are at their limits
+TURN_ON = log(10.0) / log(8.0)  # dead times from a comparator to half the voltage of a gate, see driver_half_bridge.lib
+BEFORE_TURN_ON = 2.0  # gate edges between the last corner of a pulse and that
+RESTART_S = 3e-10  # s, between two corners; behind 25 ps steps can fall to where round-off rules, and the run ends
 
 
 class Delay(NamedTuple):
@@ -696,19 +699,24 @@ def add_driver(
 
 
 def add_breakpoints(circuit: Netlist, driver: Driver, group: str, begins: float = 0.0) -> None:
-    """Add pulses whose corners are those of a bridge's comparators: they make ngspice compute points there.
+    """Add pulses with corners where a bridge's comparators switch and before its gates turn on, for points there.
 
-    Otherwise the time of an edge depends on the steps around it, and the step to the edge of a gate is as long as those
+    Otherwise the time of an edge depends on the steps around it, and the step to the edge of a gate is as long as
+    those. A step to a corner has any length, and the next one is at most twice as long: the rounding error of a short
+    one would be that of the steps of the edge. Behind a second corner, :data:`RESTART_S` later, they begin anew.
+
     The run starts at the phase ``begins`` of group A's control, in periods.
     """
-    period = driver.period
+    period, gate_edge = driver.period, driver.values(group, "bridge").get("gate_edge", 0.0)
+    gap, on = RESTART_S, TURN_ON * driver.dead_time(group) - BEFORE_TURN_ON * gate_edge
     for name, delay in driver.delays(group).items():
         rise, fall = (edge * period for edge in delay.edges(driver.ahead(group)))
         half = COMPARATOR_V * period / (2.0 * pi * sqrt(1.0 - delay.level**2))
-        first = (rise - half - begins * period) % period
-        pulse = f"PULSE(0 1 {first!r} {2.0 * half!r} {2.0 * half!r} {fall - rise - 2.0 * half!r} {period!r})"
-        node = f"edges_{group}{name.removeprefix(DELAY)}"
-        circuit.V(node, node, circuit.gnd, pulse)
+        for place, after, width in (("edges", -half, 2.0 * half), ("before", -half - gap, gap), ("on", on - gap, gap)):
+            first = (rise + after - begins * period) % period
+            pulse = f"PULSE(0 1 {first!r} {width!r} {width!r} {fall - rise - width!r} {period!r})"
+            node = f"{place}_{group}{name.removeprefix(DELAY)}"
+            circuit.V(node, node, circuit.gnd, pulse)
 
 
 def add_channels(

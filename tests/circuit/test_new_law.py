@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The exercise of CONTRIBUTING: a new contact law is one library and one line, and everything takes it."""
 
+import shutil
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,6 +14,7 @@ from pyspice_runner.circuit import law as laws
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.cli import run
 from pyspice_runner.spice import library
+from pyspice_runner.sweeps.task import versions_here
 from pyspice_runner.view import live_circuit
 
 SHARP = "piezomotor_sharp"  # Coulomb friction, regularised by a root instead of a hyperbolic tangent
@@ -24,16 +26,15 @@ DRIVE = pr.default_drive(MOTOR)
 @pytest.fixture(autouse=True)
 def new_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Put the library beside copies of the others, and the line into the list."""
-    for path in library.data_path("behavioral").glob("*.lib"):
-        (tmp_path / path.name).write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
-    text = (tmp_path / "piezomotor_coulomb.lib").read_text(encoding="utf-8").replace("piezomotor_coulomb", SHARP)
+    copies = shutil.copytree(library.data_path("behavioral"), tmp_path / "behavioral")
+    text = (copies / "piezomotor_coulomb.lib").read_text(encoding="utf-8").replace("piezomotor_coulomb", SHARP)
     friction = "{mu}*V(normal)*tanh(V(slip)/{creep})"
     assert friction in text
     root = "{mu}*V(normal)*V(slip)/sqrt(V(slip)*V(slip)+{width*width})"
     text = text.replace(friction, root).replace("{creep}", "{width}").replace("creep=10m", "width=10m")
-    (tmp_path / f"{SHARP}.lib").write_text(text.replace("* PAR  creep", "* PAR  width"), encoding="utf-8")
-    found = library.data_path
-    monkeypatch.setattr(library, "data_path", lambda folder: tmp_path if folder == "behavioral" else found(folder))
+    (copies / f"{SHARP}.lib").write_text(text.replace("* PAR  creep", "* PAR  width"), encoding="utf-8")
+    versions_here()  # without it, as the workers of later sweeps have them
+    monkeypatch.setattr(library, "__file__", tmp_path / "package" / "spice" / "library.py")
     monkeypatch.setattr(laws, "LAWS", laws.LAWS | LINE)
     monkeypatch.setattr(live_circuit, "LAWS", laws.LAWS)
     library.library_names.cache_clear()

@@ -220,6 +220,16 @@ def test_a_run_has_points_where_the_comparators_of_a_bridge_switch(kind: str) ->
             assert np.abs(time[:, np.newaxis] - edges).min(axis=0) == pytest.approx(0.0, abs=0.06e-9)
 
 
+def test_a_gate_resistance_that_differs_by_1e_9_does_not_change_the_steps_at_the_edges_of_a_bridge() -> None:
+    """From one corner on they would differ by themselves, since each edge would multiply rounding errors by 10⁵."""
+    runs = []
+    for ohm in (22.0, 22.0 * (1.0 + 1e-9)):
+        bridge = driver("half-bridge", frequency=40.7e3, settings={"bridge.gate_resistance": ohm})
+        runs.append(Point.of(pr.load_motor("bimodal40"), bridge, contact=None).run(2.0 * bridge.period, ["v(a)"]))
+    ours, theirs = (run.vectors()["time"] for run in runs)
+    assert ours == pytest.approx(theirs, abs=1e-4 * np.diff(ours).max(), rel=0.0)
+
+
 def test_a_bleeder_discharges_a_pin_that_a_series_capacitor_isolates(tmp_path: Path) -> None:
     """10 V on 2 nF of a group behind 2 nF in series: 10 kΩ takes it to 10 V/e in 40 µs; without it it stays.
 

@@ -11,9 +11,10 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.drivers.design import PIN_BAND, Design, design_driver
 from pyspice_runner.steady.transducer import resonance
+from pyspice_runner.sweeps import task
 from tests.circuit.batch import measured
 from tests.run.test_transducer import REAL, fitted
-from tests.said import printed
+from tests.said import printed, refusal
 
 POWERS = {"SMBLTD45F28H": 50.0, "Skymen-60W": 50.0, "MA40S4S": 0.5}
 AIR = "MA40S4S"  # settles in 1 ms
@@ -154,27 +155,26 @@ def test_an_llcc_filter_of_a_low_impedance_weakens_harmonics_that_a_coil_amplifi
     assert not any("THD" in caution for caution in report.cautions)
 
 
-def test_a_transformer_that_no_core_takes_is_the_reason(tmp_path: Path) -> None:
+def test_a_core_is_that_of_the_current_behind_the_network_or_the_reason(tmp_path: Path) -> None:
+    """Of a kept current the idle arm has 10 V there, not the 205 V under load, with which its current would be 24 A."""
     device = fitted(tmp_path, "SMBLTD45F28H")
+    design = design_driver(device, spec_of(device, "llcc", power=50.0, load_range=(1.0, 20.0)))
+    assert design.cores["a"].name == "RM 12"
     drive = spec_of(device).drive
     found = design_driver(device, pr.DriverSpec(drive, "half-bridge", rail=400.0, power=2000.0), seeks=False)
     assert found.driver is None
     assert found.reason.startswith("No core of the list takes the 10.87\N{NO-BREAK SPACE}A RMS of the primary")
 
 
-def test_a_core_is_that_of_the_current_behind_the_network_of_a_kept_current(tmp_path: Path) -> None:
-    """The idle arm has 10 V there, not the 205 V under load, with which its current would be 24 A."""
-    device = fitted(tmp_path, "SMBLTD45F28H")
-    design = design_driver(device, spec_of(device, "llcc", power=50.0, load_range=(1.0, 20.0)))
-    assert design.cores["a"].name == "RM 12"
-
-
-def test_show_and_map_of_a_transducer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_and_map_of_a_transducer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     fitted(tmp_path, AIR)
     path = str(tmp_path / f"{AIR}.toml")
     assert printed(["show", path], capsys)["arms"]["arm1"]["inductance_h"] == pytest.approx(REAL[AIR][1])
-    axes = ("drive.voltage=10,20", "load.resistance_ohm=0,643.186339335")
-    limited = "--limit=motional_current_amplitude_a_a=0.02"
-    best = printed(["map", path, *(f"--over={axis}" for axis in axes), "--set=load.mode=arm1", limited], capsys)["best"]
+    axes = ("--over=drive.voltage=10,20", "--over=load.resistance_ohm=0,643.186339335", "--set=load.mode=arm1")
+    best = printed(["map", path, *axes, "--limit=motional_current_amplitude_a_a=0.02"], capsys)["best"]
     assert best["drive.voltage"] == 20.0
     assert best["load_power_w"] == pytest.approx(0.125 * 20.0**2 / (2.0 * 643.186339335) * 2.0, rel=1e-3)
+    monkeypatch.setattr(task, "_code_sha256", lambda: "of an edited file")  # while a worker has that of the file
+    assert "other versions" in refusal(["map", path, "--over=drive.voltage=10,20"], capsys, status=3)
