@@ -83,6 +83,11 @@ def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
+def wording(sentence: str) -> str:
+    """Return a sentence without the values of its numbers, which is the same for each occurrence of a fault."""
+    return _NUMBER.sub(lambda found: "#" + (found[2] or "")[:1], sentence)
+
+
 def grouped(points: Sequence[Iterable[str]], names: Sequence[str] = ()) -> list[str]:
     """Return the cautions of several points once each, with the number of points and the worst of their values.
 
@@ -94,9 +99,8 @@ def grouped(points: Sequence[Iterable[str]], names: Sequence[str] = ()) -> list[
     for number, point in enumerate(points):
         for sentence in dict.fromkeys(point):
             values = [float(number) * _PREFIX.get(prefix.strip(), 1.0) for number, prefix in _NUMBER.findall(sentence)]
-            kind = _NUMBER.sub(lambda found: "#" + (found[2] or "")[:1], sentence)
-            kinds.setdefault(kind, {})[sentence] = values
-            counts.setdefault(kind, []).append(number)
+            kinds.setdefault(wording(sentence), {})[sentence] = values
+            counts.setdefault(wording(sentence), []).append(number)
     found = []
     for kind, several in kinds.items():
         worst = (min if "after #" in kind else max)(several, key=lambda sentence: several[sentence])

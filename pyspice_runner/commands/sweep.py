@@ -17,6 +17,7 @@ from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVERS, LAW, LOAD, TARGETS, Call, command, option
 from pyspice_runner.errors import did_you_mean
+from pyspice_runner.motor import groups
 from pyspice_runner.sweeps.plan import Distribution, Sampling
 from pyspice_runner.sweeps.sweep import FLAGS, met
 from pyspice_runner.units import linear_name
@@ -147,7 +148,9 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
     if analysis == "driver-state":
         from pyspice_runner.drivers.design import driver_state
 
-        kept = ["torque_n_m", "speed_rad_s", "voltage_a_v", "voltage_b_v", "stage_power_w", "power_factor"]
+        shaft = ["motional_current_a"] if motor.is_transducer else ["torque_n_m", "speed_rad_s"]
+        volts = [groups.column("voltage", group, "v") for group in motor.groups]
+        kept = [*shaft, *volts, "stage_power_w", "power_factor"]
         return {"quantities": quantity or kept, "analysis": driver_state}
     if analysis == "drive":
         kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]

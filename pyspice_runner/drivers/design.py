@@ -36,19 +36,19 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.result import json_ready
+from pyspice_runner.result import json_ready, wording
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.point import Settings as Settings
 from pyspice_runner.steady.shooting import Orbit
 from pyspice_runner.steady.small_signals import cold_admittance
-from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
+from pyspice_runner.steady.steady import STANDS, SteadyState, check_runs, steady_states
 from pyspice_runner.steady.transducer import TARGETS, resonance, target_name, transducer_state, under_load
 from pyspice_runner.units import engineering, unit_in
 
 STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the range
 WARM = "operating point, warm"  # the motor at its temperature, the frequency following its drift
-STANDS = 1e-3  # rad/s, speed below which a motor does not turn
 ARRIVED = 0.9  # of the speed of the operating point, from which on a motor has reached it
+_MOST_AT_PINS = 1e4  # V, of a drive
 TURNING = 0.02  # of that speed, from which on a motor turns and is no longer in the first slips of its start
 
 
@@ -198,10 +198,11 @@ class DriverSpec:
             if per_volt is None:
                 words = f"{name} is not known of {motor.name}: give its arms velocity_per_current, or a current"
                 raise ParameterError(f"{words} as the target.")
-            try:
-                drive = drive.updated({"voltage": (value / per_volt) ** (0.5 if name == "power" else 1.0)})
-            except ParameterError as error:
-                raise ParameterError(f"{name} = {value:.4g} is not possible: {error} Ask for less.") from None
+            power, unit = 2.0 if name == "power" else 1.0, unit_in(TARGETS[name])
+            most = per_volt * _MOST_AT_PINS**power
+            words = f"at most {most:.3g} {unit}, which takes {_MOST_AT_PINS:g} V at the pins"
+            require(value <= most, name, value, words, unit=unit)
+            drive = drive.updated({"voltage": (value / per_volt) ** (1.0 / power)})
         return replace(self, drive=drive), motor, idle
 
     @property
@@ -309,11 +310,11 @@ class Design:
         return found
 
     @property
-    def averages(self) -> str:
-        """Which states of the range are time averages, in a sentence; empty if none is."""
+    def averages(self) -> list[str]:
+        """A sentence with the states of the range that are time averages; none without one."""
         found = [point.state for point in self.points if point.average_error_n_m is not None]
         words = f"{len(found)} of {len(self.points)} states of the range ({'; '.join(found)}) have an unstable periodic"
-        return f"{words} motion: their values are time averages." if found else ""
+        return [f"{words} motion: their values are time averages."] if found else []
 
     def ran(
         self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor,
@@ -335,7 +336,7 @@ class Design:
             for part in both
             if self.cores and part.name.startswith(TRANSFORMER) and part.rms_current_a and part.core is None
         ]
-        notes = [note for note in notes if note not in self.reason]  # of a driver that is not feasible
+        notes = [note for note in notes if wording(note) not in wording(self.reason)]  # of one that is not feasible
         short, turns = "", f"it turns at {speed_rad_s or 0.0:.3g} rad/s at the end of the run."
         if starts is False and missing_s > 0.0:
             starts = None
@@ -386,9 +387,9 @@ ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the 
 
 def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePoint:
     """Return a steady state with the power factor at the outputs of the stages; without a driver that of the pins."""
-    power_w, average = state.power_a_w + state.power_b_w, state.torque_error_n_m if not state.stable else None
+    power_w, averaged = state.power_a_w + state.power_b_w, state.reached and not state.stable
     point = _point_of(name, state.pins, driver, power_w, state.speed_rad_s, state.torque_n_m)
-    return replace(point, average_error_n_m=average)
+    return replace(point, average_error_n_m=state.torque_error_n_m if averaged else None)
 
 
 def linear_point(name: str, motor: Motor, drive: TwoPhaseDrive, driver: Driver | None) -> RangePoint:
@@ -530,32 +531,37 @@ def driver_state(
         settings: load, contact and solver, as in :class:`.Settings`.
 
     Returns:
-        ``torque_n_m`` with ``torque_error_n_m``, ``speed_rad_s``, amplitudes ``voltage_a_v`` and ``current_a_a`` at the
-        pins of each group, ``power_w`` into both, ``stage_power_w`` and ``power_factor`` of the fundamentals of the
-        stages, ``cautions``.
+        Amplitudes ``voltage_a_v`` and ``current_a_a`` at the pins of each group, ``power_w`` into both,
+        ``stage_power_w`` and ``power_factor`` of the fundamentals of the stages; of a motor ``torque_n_m`` with
+        ``torque_error_n_m``, ``speed_rad_s`` and ``cautions``, of a transducer ``motional_current_a``.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if there is no stable steady state.
     """
-    stage = driver.equivalent
-    cold = Point.of(motor, stage, audit=False, **settings)
-    point = warmed(cold, stage, warmer_k) if warmer_k else cold
-    # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
-    pins = TwoPhaseDrive(**two_phases(stage) | {"frequency": point.source.frequencies[0]})
-    ideal = Point.of(point.motor, pins, audit=False, **settings)
-    (pins_held,) = steady_states([ideal], accuracy=ACCURACY, averages=False)  # as a start
-    (state,) = _solved([point], [pins_held.solution])
-    if not _steady(state):
-        raise SimulationError("There is no stable steady state behind this driver.")
-    found = range_point("", state, driver)
+    stage, own = driver.equivalent, dict[str, Any]()
+    drive = TwoPhaseDrive(**two_phases(stage))
+    if motor.is_transducer:
+        found = linear_point("", motor, drive, driver)
+        own["motional_current_a"] = found.motional_current_a
+    else:
+        cold = Point.of(motor, stage, audit=False, **settings)
+        point = warmed(cold, stage, warmer_k) if warmer_k else cold
+        # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
+        pins = drive.updated({"frequency": point.source.frequencies[0]})
+        ideal = Point.of(point.motor, pins, audit=False, **settings)
+        (pins_held,) = steady_states([ideal], accuracy=ACCURACY, averages=False)
+        (state,) = _solved([point], [pins_held.solution])
+        if not _steady(state):
+            raise SimulationError("There is no stable steady state behind this driver.")
+        found = range_point("", state, driver)
+        own |= {name: getattr(state, name) for name in ("torque_n_m", "torque_error_n_m", "speed_rad_s")}
+        own["cautions"] = list(state.cautions)
     of_groups = {
         groups.column(name, group, unit): getattr(found.group(group), f"{name}_{unit}")
         for group in driver.groups for name, unit in (("voltage", "v"), ("current", "a"))
     }  # fmt: skip
-    names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
-    error = {"torque_error_n_m": state.torque_error_n_m, "cautions": list(state.cautions)}
-    return {name: getattr(found, name) for name in names} | of_groups | error
+    return {name: getattr(found, name) for name in ("power_w", "stage_power_w", "power_factor")} | of_groups | own
 
 
 PIN_BAND = 0.2  # by which the voltage of a pin may differ from the wanted one, from stall to no load
@@ -678,11 +684,10 @@ def _range(ideal: Point) -> dict[str, SteadyState]:
     """Return the steady states at stall, at the operating point and at no load with the wanted voltages at the pins."""
     held, free = replace(ideal, load=Load(speed=0.0)), replace(ideal, load=Load())
     given = ideal.load.speed is not None or ideal.load.torque != 0.0
-    how: Any = {"accuracy": ACCURACY}
-    stall, idle, *rest = steady_states([held, free, *([ideal] if given else [])], **how)
+    stall, idle, *rest = steady_states([held, free, *([ideal] if given else [])], accuracy=ACCURACY)
     if not rest and idle.converged:
         middle = replace(ideal, load=Load(speed=0.5 * idle.speed_rad_s))
-        rest = steady_states([middle], **how, starts=[stall.solution])
+        rest = steady_states([middle], accuracy=ACCURACY, starts=[stall.solution])
     check_runs([stall, idle, *rest])
     return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
 

@@ -512,7 +512,7 @@ class Driver(Stated, Source):
 
         For a part of both groups it is that of either.
         """
-        found = [self._located(one) for one in of_groups(path) or (path,)]
+        found = [self._located(one) for one in of_groups(path)[: self.channels] or (path,)]
         return any(part.values[one.name] in (one.least, one.greatest) for part, one in found)
 
     def parts(self, group: str) -> tuple[Part, ...]:
@@ -634,7 +634,7 @@ class Driver(Stated, Source):
         """Return part and parameter of PART.PARAMETER. Raise ParameterError for one that does not exist."""
         label, _, name = path.partition(".")
         plain, group = (label[:-2], label[-1]) if label.endswith(("_a", "_b")) else (label, "a")
-        present = {part.label: part for part in self.parts(group)}
+        present = {part.label: part for part in self.chains.get(group, ())}
         if plain not in present:
             labels = ", ".join(present) or "none"
             raise ParameterError(f"Driver: there is no part {quoted(label)} in this {self.name}; its parts: {labels}.")

@@ -28,6 +28,7 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.strength import depolarised, electrode_distance
+from pyspice_runner.result import grouped
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array, Window
 from pyspice_runner.units import engineering
@@ -48,7 +49,7 @@ NO_PARALLEL = 1e-12  # F across a group, which stands for none
 
 
 def load_vectors(driver: Driver) -> Iterator[str]:
-    """Yield the vectors that :func:`part_loads` takes, beside the voltages and currents of stages and pins."""
+    """Yield the vectors that :func:`part_loads` and :func:`turn_ons` take, beside those of stages and pins."""
     for group in driver.groups:
         for part, before, _ in _behind(driver, group):
             yield f"v({before})"
@@ -59,6 +60,7 @@ def load_vectors(driver: Driver) -> Iterator[str]:
             yield f"v(xnetwork_{group}.inner)"
             places = ("current", "coil", *(["parallel"] if driver.network == "llcc" else []))
             yield from (f"i(v.xnetwork_{group}.v{place})" for place in places)
+    yield from (name for switch in _switches(driver) for name in (switch.ramp, switch.voltage, switch.current))
 
 
 def part_loads(driver: Driver, samples: Samples, measure: Measure | None = None) -> tuple[PartLoad, ...]:
@@ -346,11 +348,6 @@ def _switches(driver: Driver) -> Iterator[_Switch]:
             yield _Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign)
 
 
-def switching_vectors(driver: Driver) -> list[str]:
-    """Return the vectors that :func:`turn_ons` takes, beside those of the report."""
-    return [name for switch in _switches(driver) for name in (switch.ramp, switch.voltage, switch.current)]
-
-
 def turn_ons(driver: Driver, samples: Samples, window: Window) -> tuple[TurnOn, ...]:
     """Return the turn-ons of all transistors of a bridge, means over the window; none for another stage."""
     found, time = [], samples["time"]
@@ -533,9 +530,9 @@ def recovery_peaks(
 
 
 def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return a sentence for each limit of a part or of the ceramic that an event exceeds."""
-    notes = []
-    for name, found in events.items():
+    """Return a sentence for each limit of a part or of the ceramic that events exceed, with the worst value."""
+    faults = []
+    for found in events.values():
         peaks = {group: float(found[groups.column("voltage", group, "v")]) for group in setup.motor.groups}
-        notes += [f"During {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
-    return notes
+        faults.append((*found["exceeded"], *depolarised(setup.motor, peaks)))
+    return [f"During {note}" for note in grouped([(), *faults], ["", *events])]

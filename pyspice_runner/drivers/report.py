@@ -241,8 +241,6 @@ class DriveReport(Balance, Result):
                 )
         if self.design and not self.design.feasible:
             yield f"Do not build this driver. {self.design.reason}"
-        if self.design and self.design.averages:
-            yield self.design.averages
         for group, port in (self.operating or self).groups.items() if self.driver["network"] != "none" else ():
             if port.voltage_thd > SQUARE_THD:
                 worst = max(port.harmonics[1:], key=lambda harmonic: harmonic.voltage_v)
@@ -251,8 +249,8 @@ class DriveReport(Balance, Result):
                     f"square wave ({100.0 * SQUARE_THD:.0f} %): the network amplifies harmonic {worst.order} at "
                     f"{engineering(worst.frequency_hz, 'Hz')}. Take the network llcc, or another inductance."
                 )
-        overloads = [] if self.design else self.maxima["exceeded"]  # a design has them in its reason
-        yield from (*overloads, *self.event_faults, *self.ceramic.get("cautions", ()))
+        notes = self.design.averages if self.design else self.maxima["exceeded"]  # a design has these in its reason
+        yield from (*notes, *self.event_faults, *self.ceramic.get("cautions", ()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
@@ -551,7 +549,7 @@ def _vectors(setup: Point, driver: Driver) -> list[str]:
             names += [groups.voltage(rail, group), groups.current(rail, group)] if volts else []
         for part in driver.parts(group):
             names += part.power_vectors
-    names += [*loads.load_vectors(driver), *loads.switching_vectors(driver)]
+    names += loads.load_vectors(driver)
     return list(dict.fromkeys([*names, *Recording(setup, setup.discretisation).vectors(_judged(setup))]))
 
 

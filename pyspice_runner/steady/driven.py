@@ -9,6 +9,7 @@ therefore measured in decks whose copies have their steps in common, one of them
 from __future__ import annotations
 
 from cmath import phase
+from collections import ChainMap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -214,8 +215,7 @@ def driven_answers(
     near: Sequence[Orbit | None],
     accuracy: float,
     processes: KeptProcesses,
-    *,
-    averages: bool = True,
+    averages: bool,
 ) -> tuple[list[Answer], tuple[PeriodMap, ...]]:
     """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
@@ -283,15 +283,14 @@ def _metered(
 ) -> dict[int, tuple[dict[str, float], Copy]]:
     """Do behind a driver what :func:`.run_block` does, with the meters of the dynamometer."""
 
-    def measured(place: int) -> tuple[dict[str, float], Copy] | None:
+    def measured(place: int) -> dict[int, tuple[dict[str, float], Copy]]:
         try:
-            return _measured(setups[place], copies[place], period_map)
+            return {place: _measured(setups[place], copies[place], period_map)}
         except SimulationError as error:
             period_map.effort.fail(error)
-            return None
+            return {}
 
-    found = zip(copies, in_threads(measured, list(copies), cores()), strict=True)
-    return {place: one for place, one in found if one is not None}
+    return dict(ChainMap(*in_threads(measured, list(copies), cores())))
 
 
 def running(setup: Point, start: Orbit, periods: int, vectors: Sequence[str]) -> dict[str, Array]:
@@ -367,8 +366,7 @@ def _measured(setup: Point, copy: Copy, period_map: PeriodMap) -> tuple[dict[str
     vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
     inside = {one: _inside(one) for one in vectors}
     raw, trace, window = period_map.metered(copy, list(inside.values()))
-    edges = window.start, window.stop - 1
-    start, end = ({one: float(raw[own][at]) for one, own in inside.items()} for at in edges)
+    start, end = ({one: float(raw[own][at]) for one, own in inside.items()} for at in (window.start, window.stop - 1))
     integrals = bench.means({one: end[one] - start[one] for one in end})
     peaks = {group: float(np.abs(raw[inside[ammeter(group)]][window]).max()) for group in "ab"}
     block = Block(bench, integrals, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")

@@ -278,30 +278,26 @@ class PeriodMap:
         return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
 
     def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
+        return self._traces(copies, self._raw(copies, duration, whole), whole=whole)
+
+    def _raw(
+        self, copies: Sequence[Copy], duration: float, whole: bool, meters: Sequence[str] = ()
+    ) -> dict[str, Array]:
         if self.lead:
-            bench = driven_bench(copies, self.discretisation)
+            bench = driven_bench(copies, self.discretisation, meters=bool(meters))
         else:
             bench = copies_bench(copies, self.discretisation, self._texts, plates=False)
-        vectors: dict[str, None] = {}
+        vectors = dict.fromkeys(meters)
         for number, copy in enumerate(copies):
             vectors |= dict.fromkeys(self._vectors(number, copy.plant, whole=whole))
         timing = transient_timing(duration, duration, self.step, duration - (self.duration if whole else self.step))
         outcome = run_bench(bench, list(vectors), self.timeout, "transient", timing, processes=self.processes)
         self.effort.add(len(copies), duration, str(bench.circuit.raw_spice), outcome)
-        return self._traces(copies, outcome.vectors(), whole=whole)
+        return outcome.vectors()
 
     def metered(self, copy: Copy, vectors: Sequence[str]) -> tuple[dict[str, Array], Trace, slice]:
-        """Return a run of a copy behind a driver, with further vectors of its meters, its trace and the points of that.
-
-        Raises:
-            SimulationError: if ngspice fails.
-        """
-        timing = transient_timing(self.step, self.duration)
-        names = dict.fromkeys([*self._vectors(0, copy.plant, whole=True), *vectors])
-        bench = driven_bench([copy], self.discretisation, meters=True)
-        outcome = run_bench(bench, list(names), self.timeout, "transient", timing, processes=self.processes)
-        self.effort.add(1, self.duration, str(bench.circuit.raw_spice), outcome)
-        raw = outcome.vectors()
+        """Return a run of a copy behind a driver with the vectors of its meters, its trace, and the points of that."""
+        raw = self._raw([copy], self.duration, whole=True, meters=vectors)
         (trace,), window = self._traces([copy], raw, whole=True), self.window(raw["time"])
         assert trace is not None
         assert window is not None

@@ -327,7 +327,7 @@ def steady_states(
         for places in behind.values():
             some, begun = [setups[place] for place in places], [near[place] for place in places]
             moving = _free_shafts(some, begun)
-            answers, maps = driven_answers(some, begun, moving, accuracy or ACCURACY, processes, averages=averages)
+            answers, maps = driven_answers(some, begun, moving, accuracy or ACCURACY, processes, averages)
             for place, answer in zip(places, answers, strict=True):
                 state = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
                 found[place] = replace(state, behind=(answer.running or answer.point) if state.converged else None)

@@ -68,7 +68,7 @@ def named(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> lis
     """
     if path.startswith("drive.") and "." in path[6:]:
         both = parameter(path, motor, drive, run)
-        each = [parameter(f"drive.{one}", motor, drive, run) for one in of_groups(path[6:])]
+        each = [parameter(f"drive.{one}", motor, drive, run) for one in of_groups(path[6:])[: len(motor.groups)]]
         return each if len({one.nominal for one in each}) > 1 else [both]
     places = range(len(motor.modes)) if path.startswith("modes.*.") else ["*"]
     return [parameter(path.replace("*", str(place), 1), motor, drive, run) for place in places]

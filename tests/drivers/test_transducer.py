@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.drivers.design import design_driver
+from pyspice_runner.drivers.design import design_driver, driver_state
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.steady.transducer import transducer_state
@@ -40,6 +40,7 @@ def test_power_behind_a_coil_is_that_of_a_hand_written_deck(air: pr.Motor, tmp_p
     ]  # fmt: skip
     put_in = 10.0 * measured("\n".join(deck), tmp_path)["current"]
     assert report.outputs["a"].real_power_w == pytest.approx(put_in, rel=0.01)
+    assert driver_state(air, spec.driver())["stage_power_w"] == pytest.approx(put_in, rel=1e-6)
     lost = 0.5 * 50.0 * (2.0**0.5 * report.outputs["a"].current_rms_a) ** 2
     assert report.motor_power_w == pytest.approx(put_in - lost, rel=0.01)
     own = 0.5 * arm.resistance_ohm * report.ceramic["motional_current_amplitude_a_a"] ** 2
