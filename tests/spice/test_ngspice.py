@@ -19,7 +19,7 @@ import pytest
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.spice import ngspice, process
 from pyspice_runner.spice.ngspice import SpiceRun, find_ngspice, run_deck
-from tests.processes import working_in
+from tests.processes import other_cache, working_in
 
 GOOD = """a low-pass
 V1 in 0 SIN(0 2 1k) AC 1
@@ -414,6 +414,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     place = tmp_path / "home"
     place.mkdir()
     (place / ".spiceinit").write_text("echo hello from spiceinit\nquit\n")
+    monkeypatch.setenv("XDG_CACHE_HOME", other_cache(tmp_path))  # the engine is below HOME otherwise
     monkeypatch.setenv("HOME", str(place))
     monkeypatch.chdir(place)
     return place
