@@ -436,7 +436,7 @@ class _Problem:
         return self.descend(more)
 
     def with_leads(self, parameters: Vector, *search: Any) -> tuple[_Problem, Vector]:
-        """Return the problem with leads and its solution, if the data ask for them; without an inductance at its limit.
+        """Return the problem with leads and its solution, if the data ask for them; or with resistances alone.
 
         An inductance moves the resonances though the data hardly show it: the errors contain it.
         """
@@ -462,7 +462,7 @@ class _Problem:
             turned = 2.0 * found[_LEADS] * np.exp(np.tile(found[:2], 2))
             inside = found[_LEADS] < other.bounds(found)[1][_LEADS]
             large = np.max(turned) * np.exp(log_quality[strong].min(initial=inf)) > _LEAST_TURN and np.all(
-                inside[other.free]
+                inside[: len(_RESISTANCES)]
             )
             if large and other.white(found) and other.gain(found, self, parameters) > _TIE:
                 return other, found
