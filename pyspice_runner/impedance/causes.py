@@ -395,12 +395,15 @@ class Judge:
             for share, modes in sets if len(own) == 1 else ():
                 theta = [self._theta(mode, own[0], 0.3, -1) for mode in modes]
                 per_area = [size._replace(label=f"{size.label} per area", spread=1.0) for size in theta]
-                yield PATCH, share / (6 * len(groups)), theta
-                yield PATCH, share / (6 * len(groups)), [*theta, _Size(f"capacitance of {who}", 0.2, -1, plates)]
-                yield PATCH, share / (6 * len(groups)), [*per_area, _Size(f"area of {who}", 0.2, -1, one("kept", own))]
+                yield PATCH, share / (8 * len(groups)), theta
+                yield PATCH, share / (8 * len(groups)), [*theta, _Size(f"capacitance of {who}", 0.2, -1, plates)]
+                yield PATCH, share / (8 * len(groups)), [*per_area, _Size(f"area of {who}", 0.2, -1, one("kept", own))]
             column = one("coupling", slice(None), own)["coupling"] * part["coupling"]
             every = _Size(f"θ of {who} in all modes", 0.3, -1, {"coupling": column}, share=100.0)
-            yield DEPOLARISED, weight, [every, _Size(f"permittivity of {who}", 0.1, 0, plates)]
+            if len(own) == 1:  # a loose patch keeps its permittivity, and all or none of the capacitance by its motion
+                moving = float(self._static(part)[own[0]] / part["capacitance"][own[0], own[0]])
+                yield PATCH, 1.0 / (4 * len(groups)), [every, _Size(f"capacitance of {who}", moving, 0, plates)]
+            yield DEPOLARISED, weight, [every, _Size(f"permittivity of {who}", 0.1, -1, plates)]
             yield BONDING, weight, [every, _Size("damping of all modes", 0.4, 1, {"damping": 1.0})]
         if self.pressed and not self.motor.is_transducer:
             yield CONTACT, 1.0, [_Size("preload", 0.6, 0, {"preload": 1.0})]

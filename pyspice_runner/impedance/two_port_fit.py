@@ -55,9 +55,9 @@ _FARTHEST = 2.0  # of an end of the band over the frequency of such a mode; fart
 _QUALITY_OUTSIDE = 50.0  # of its start
 _TIE = 20.0  # difference of Schwarz's criterion by which leads must be better, as in the fit of one port
 _FIRST_LEAD, _MOST_RESISTANCE = 0.01, 1.0  # of leads, to start from and the largest, in units of the median impedance
-# Of the least motional resistance of both groups: a contact, whose losses couple modes, resembles leads of up to 0.2 %
-# in spectra of the pressed bimodal40, plate40 and andersen2002.
-_LEAST_LEAD = 2.5e-3
+# Of 1/Q of the broadest strong mode: a contact, whose losses couple modes, resembles leads that turn the modes by up to
+# 0.2 of it in spectra of the pressed bimodal40, plate40 and andersen2002.
+_LEAST_TURN = 0.3
 _AT_LIMIT = 1e-6  # relative distance from the end of the band, below which such a mode is at its limit
 _SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and 0
 
@@ -436,7 +436,7 @@ class _Problem:
         return self.descend(more)
 
     def with_leads(self, parameters: Vector, *search: Any) -> tuple[_Problem, Vector]:
-        """Return the problem with leads and its solution, if the data ask for them; without an inductance at its limit.
+        """Return the problem with leads and its solution, if the data ask for them; or with resistances alone.
 
         An inductance moves the resonances though the data hardly show it: the errors contain it.
         """
@@ -456,10 +456,14 @@ class _Problem:
                 for at in reversed(range(_GLOBALS, len(found), _PER_MODE) if search[0] is None else ()):
                     fewer = other.descend(np.delete(found, np.s_[at : at + _PER_MODE]))
                     found = fewer if other.gain(fewer, other, found) > 0.0 else found
-            arms = found[_GLOBALS:].reshape(-1, _PER_MODE)
-            motional = np.min(np.exp(-arms[:, 1]) / np.sum(arms[:, 2:] ** 2, axis=1), initial=inf)
+            _, log_quality, *theta = found[_GLOBALS:].reshape(-1, _PER_MODE).T
+            strong = np.hypot(*theta) > 0.5 * np.hypot(*theta).max(initial=0.0)
+            # leads turn the modes by 2ωRC, and losses that couple modes by a share of 1/Q
+            turned = 2.0 * found[_LEADS] * np.exp(np.tile(found[:2], 2))
             inside = found[_LEADS] < other.bounds(found)[1][_LEADS]
-            large = np.max(found[_LEADS]) > _LEAST_LEAD * motional and np.all(inside[other.free])
+            large = np.max(turned) * np.exp(log_quality[strong].min(initial=inf)) > _LEAST_TURN and np.all(
+                inside[: len(_RESISTANCES)]
+            )
             if large and other.white(found) and other.gain(found, self, parameters) > _TIE:
                 return other, found
         return self, parameters
