@@ -8,13 +8,11 @@ therefore measured in decks whose copies have their steps in common, one of them
 
 from __future__ import annotations
 
-from cmath import phase
 from collections import ChainMap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from math import ceil, degrees, pi, sqrt
-from typing import Any
+from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +34,11 @@ from pyspice_runner.steady.period_map import (
     fundamental,
     in_threads,
     modal,
-    of_contacts,
-    phasors,
-    quantities,
     rubbing,
     speed,
 )
 from pyspice_runner.steady.settling import AVERAGE, time_averages
-from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
+from pyspice_runner.steady.shooting import NEWTON, Answer, Orbit, Shooting, answer_of, start_point
 
 Array = NDArray[np.float64]
 # singular value, relative to the largest, below which a state at the start of the run does not affect the period: the
@@ -159,40 +154,6 @@ class DrivenPoint(Orbit):
 
     def _update(self, step: Array, gap: Array) -> None:
         """Keep the derivative: what it neglects would mix with the noise of the steps at the edges."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The answer to one operating point."""
-
-    point: Orbit  # the point at the finest step
-    map: PeriodMap | None = None  # the map at that step; ``None`` if only the coarse step has been tried
-    # the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
-    found: Mapping[str, float] = field(default_factory=dict)
-    error: float = float("nan")  # estimated error of the torque, N·m
-    speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
-    method: str = ""  # of quantities that are not those of the point
-    running: Orbit | None = None  # of a time average behind a driver, a period of the running motor
-    pins: Mapping[str, tuple[complex, complex]] = field(default_factory=dict)  # as in :class:`.SteadyState`
-    contacts: tuple[dict[str, Any], ...] = ()  # of each of several contacts, as in :class:`.SteadyState`
-
-    @property
-    def unstable(self) -> bool:
-        """Whether it has the quantities of an unstable motion of a contact."""
-        multipliers = self.point.multipliers if self.found and self.point.plant.law else np.zeros(1)
-        return float(np.abs(multipliers).max(initial=0.0)) >= 1.0
-
-
-def answer_of(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
-    """Return the answer for means and the error of the friction force in N."""
-    torque_error = point.plant.motor.rotor.radius_m * error
-    pins, contacts = phasors(found), of_contacts(point.plant, found)
-    ahead = {
-        groups.column("current", group, "phase_deg"): degrees(phase(amperes / volts))
-        for group, (volts, amperes) in pins.items()
-    }
-    values = quantities(point.plant, found) | ahead
-    return Answer(point, period_map, values, torque_error, found["speed"], pins=pins, contacts=contacts)
 
 
 def check_driven(setup: Point) -> None:

@@ -265,7 +265,7 @@ class PeriodMap:
         if self.processes and self.processes.stopped:
             raise SimulationError("The run was stopped because another one failed.")
         try:
-            return self._run(copies, duration, whole)
+            return self._run(copies, duration, whole)[0]
         except _Uneven:
             pass
         except SimulationError as error:
@@ -277,12 +277,10 @@ class PeriodMap:
         half = len(copies) // 2
         return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
 
-    def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
-        return self._traces(copies, self._raw(copies, duration, whole), whole=whole)
-
-    def _raw(
+    def _run(
         self, copies: Sequence[Copy], duration: float, whole: bool, meters: Sequence[str] = ()
-    ) -> dict[str, Array]:
+    ) -> tuple[list[Trace | None], dict[str, Array]]:
+        """Return the traces of the copies, and the vectors of the run, those of ``meters`` among them."""
         if self.lead:
             bench = driven_bench(copies, self.discretisation, meters=bool(meters))
         else:
@@ -293,12 +291,13 @@ class PeriodMap:
         timing = transient_timing(duration, duration, self.step, duration - (self.duration if whole else self.step))
         outcome = run_bench(bench, list(vectors), self.timeout, "transient", timing, processes=self.processes)
         self.effort.add(len(copies), duration, str(bench.circuit.raw_spice), outcome)
-        return outcome.vectors()
+        raw = outcome.vectors()
+        return self._traces(copies, raw, whole=whole), raw
 
     def metered(self, copy: Copy, vectors: Sequence[str]) -> tuple[dict[str, Array], Trace, slice]:
         """Return a run of a copy behind a driver with the vectors of its meters, its trace, and the points of that."""
-        raw = self._raw([copy], self.duration, whole=True, meters=vectors)
-        (trace,), window = self._traces([copy], raw, whole=True), self.window(raw["time"])
+        (trace,), raw = self._run([copy], self.duration, whole=True, meters=vectors)
+        window = self.window(raw["time"])
         assert trace is not None
         assert window is not None
         return raw, trace, window
@@ -369,7 +368,7 @@ class PeriodMap:
         def evaluated(copies: Sequence[Copy]) -> list[tuple[Trace | None, Trace | None]]:
             first, *others = copies
             try:
-                base, *near = self._run(copies, self.duration, whole=True)
+                base, *near = self._run(copies, self.duration, whole=True)[0]
             except SimulationError as error:
                 if error.deck is None:
                     raise  # ngspice did not run at all
@@ -563,12 +562,16 @@ def fundamental(group: str, time: Array, frequency: float, voltage: Array, amper
 
 def phasors(found: Mapping[str, float]) -> dict[str, tuple[complex, complex]]:
     """Return the phasors of voltage (V) and current (A) of each group with a tone, from means."""
-
-    def of(group: str, name: str) -> complex:
-        return complex(*(found[groups.named(f"{name}_{part}", group)] for part in ("real", "imag")))
-
-    own = [group for group in GROUPS if groups.named(f"{_PHASORS[0]}_real", group) in found]
-    return {group: (of(group, _PHASORS[0]), of(group, _PHASORS[1])) for group in own}
+    pairs = dict[str, tuple[complex, complex]]()
+    for group in GROUPS:
+        pair = list[complex]()
+        for name in _PHASORS:
+            real, imag = groups.named(f"{name}_real", group), groups.named(f"{name}_imag", group)
+            if real in found:
+                pair.append(complex(found[real], found[imag]))
+        if pair:
+            pairs[group] = pair[0], pair[1]
+    return pairs
 
 
 def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> list[float]:

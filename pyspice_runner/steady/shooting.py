@@ -10,10 +10,11 @@ the damping. ``docs/steady_state.md`` has the derivation and what was measured.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from cmath import phase
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
-from math import ceil, log, pi
+from math import ceil, degrees, log, pi
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.waveforms import Array, interpolated
@@ -34,7 +36,10 @@ from pyspice_runner.steady.period_map import (
     held_by_friction,
     held_forces,
     in_threads,
+    of_contacts,
     parts_of_force,
+    phasors,
+    quantities,
 )
 
 LONG_CURVE = 9  # points of a curve from which on most of them start from solved neighbours
@@ -415,6 +420,38 @@ class Orbit:
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
         values = values[np.abs(values - 1.0) > self.plant.drive.period / NEWTON.slowest_s]
         return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer to one operating point."""
+
+    point: Orbit  # the point at the finest step
+    map: PeriodMap | None = None  # the map at that step; ``None`` if only the coarse step has been tried
+    # the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
+    found: Mapping[str, float] = field(default_factory=dict)
+    error: float = float("nan")  # estimated error of the torque, N·m
+    speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
+    method: str = ""  # of quantities that are not those of the point
+    running: Orbit | None = None  # of a time average behind a driver, a period of the running motor
+    pins: Mapping[str, tuple[complex, complex]] = field(default_factory=dict)  # as in :class:`.SteadyState`
+    contacts: tuple[dict[str, Any], ...] = ()  # of each of several contacts, as in :class:`.SteadyState`
+
+    @property
+    def unstable(self) -> bool:
+        """Whether it has the quantities of an unstable motion of a contact."""
+        multipliers = self.point.multipliers if self.found and self.point.plant.law else np.zeros(1)
+        return float(np.abs(multipliers).max(initial=0.0)) >= 1.0
+
+
+def answer_of(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
+    """Return the answer for means and the error of the friction force in N."""
+    torque_error = point.plant.motor.rotor.radius_m * error
+    pins, contacts = phasors(found), of_contacts(point.plant, found)
+    values = quantities(point.plant, found)
+    for group, (volts, amperes) in pins.items():
+        values[groups.column("current", group, "phase_deg")] = degrees(phase(amperes / volts))
+    return Answer(point, period_map, values, torque_error, found["speed"], pins=pins, contacts=contacts)
 
 
 def between(points: Sequence[Orbit]) -> Orbit:

@@ -37,7 +37,7 @@ from pyspice_runner.run.recording import VECTORS, Recording
 from pyspice_runner.run.waveforms import Array, Waveforms, described
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
-from pyspice_runner.steady.driven import ROUGH, Answer, answer_of, check_driven, driven_answers
+from pyspice_runner.steady.driven import ROUGH, check_driven, driven_answers
 from pyspice_runner.steady.period_map import (
     CONTACT,
     Effort,
@@ -52,7 +52,7 @@ from pyspice_runner.steady.period_map import (
     speed,
 )
 from pyspice_runner.steady.settling import AVERAGE, time_averages
-from pyspice_runner.steady.shooting import Orbit, Shooting, start_point
+from pyspice_runner.steady.shooting import Answer, Orbit, Shooting, answer_of, start_point
 from pyspice_runner.units import engineering
 
 Place = TypeVar("Place")
