@@ -178,7 +178,8 @@ class Comparison(_Tabulated):
             found["evidence"] = (
                 "; ".join(self.diagnosis.evidence) or "no deviation exceeds the tolerances of manufacture"
             )
-            found["next causes"] = ", ".join(cause.text for cause in self.diagnosis.causes[1:3])
+            if others := self.diagnosis.causes[1:3]:
+                found["next causes"] = ", ".join(cause.text for cause in others)
         for item in self.modes:
             errors = item.deviation_errors
             shown = (

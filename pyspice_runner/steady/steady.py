@@ -228,7 +228,7 @@ class SteadyState(Quantities, Result):
             **described(self.sensed()),
             "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
             "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {self.largest_multiplier:.5g}",
-            "found by": f"{self.method or 'no method'}, {self.iterations} iterations",
+            "found by": f"{self.method or 'no method'}, {self.iterations} iteration{'s' * (self.iterations != 1)}",
             **contact_row(self.provenance["run"]),
         })  # fmt: skip
 
