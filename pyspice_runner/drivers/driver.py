@@ -707,9 +707,10 @@ def add_breakpoints(circuit: Netlist, driver: Driver, group: str, begins: float 
 
     The run starts at the phase ``begins`` of group A's control, in periods.
     """
-    period, gate_edge = driver.period, driver.values(group, "bridge").get("gate_edge", 0.0)
-    gap, on = RESTART_S, TURN_ON * driver.dead_time(group) - BEFORE_TURN_ON * gate_edge
+    period, gap = driver.period, RESTART_S
     for name, delay in driver.delays(group).items():
+        stage = driver.chains[group][0].values  # of the user's own as well, by these names
+        on = TURN_ON * stage.get("dead_time", 0.0) - BEFORE_TURN_ON * stage.get("gate_edge", 0.0)
         rise, fall = (edge * period for edge in delay.edges(driver.ahead(group)))
         half = COMPARATOR_V * period / (2.0 * pi * sqrt(1.0 - delay.level**2))
         for place, after, width in (("edges", -half, 2.0 * half), ("before", -half - gap, gap), ("on", on - gap, gap)):
