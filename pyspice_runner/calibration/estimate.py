@@ -81,7 +81,8 @@ def calibrate(
         contact: law of the contact, as in :func:`~pyspice_runner.simulate`.
         against: other laws, with which the parameters are calibrated too; ``rivals`` of the result compares them.
         starts: number of starts; all but the first change the values that no free spectrum shows, within a factor of 2
-            about ``motor``. By default 1, or 16 where two modes are closer than three half widths.
+            about ``motor``, and ngspice compares them. By default 1, or 16 by the fast model where two modes are closer
+            than three half widths.
         timeout: wall time in s after which a run of ngspice is ended.
         progress: called with the number of steady states found so far.
         checkpoint: path of a JSON file in which an unfinished calibration is kept. The same calibration, started again

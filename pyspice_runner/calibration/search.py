@@ -79,7 +79,7 @@ class Search:
         if self.resumed is not None:
             x = np.clip(self.resumed, *self.bounds)
         elif (count := starts or self._starts(x)) > 1 or self.spectra:
-            x = self._best(x, count)
+            x = self._best(x, count, fine=starts is not None and count > 1)
         for _ in range(self.tolerances.refinements):
             self.predictor, here = self.predictor.refined(x, self.prediction(x))
             if not here.known:
@@ -119,14 +119,14 @@ class Search:
         gaps = np.diff([mode.frequency_hz for mode in modes])
         return _STARTS if np.any(gaps < _CLOSE_MODES * np.maximum(widths[1:], widths[:-1])) else 1
 
-    def _best(self, x: Array, starts: int) -> Array:
-        """Return the best of several starts."""
+    def _best(self, x: Array, starts: int, *, fine: bool) -> Array:
+        """Return the best of several starts, with ``fine`` by ngspice, which averages unstable motions over time."""
         cube = qmc.Sobol(len(x), seed=0).random(1 << (starts - 1).bit_length())[: starts - 1]
         reach = START_REACH * np.isnan(self.start)
         places = [x, *(np.clip(np.nan_to_num(one), *self.bounds) for one in self.others)]
         around = zip(cycle(reversed(places)), cube, strict=False)
         starting = [*places, *(np.clip(one + reach * (2.0 * row - 1.0), *self.bounds) for one, row in around)]
-        self.found = dict(zip([one.tobytes() for one in starting], self.predictor.at(starting), strict=True))
+        self.found = dict(zip([one.tobytes() for one in starting], self.predictor.at(starting, fine=fine), strict=True))
 
         def badness(one: Array) -> tuple[int, float]:
             prediction = self.found[one.tobytes()]
@@ -139,7 +139,7 @@ class Search:
                 alone._begin(one, alone.prediction(one))
                 starting.append(alone._descended(one))
             ends = starting[len(places) + len(cube) :]
-            self.found |= zip([one.tobytes() for one in ends], self.predictor.at(ends), strict=True)
+            self.found |= zip([one.tobytes() for one in ends], self.predictor.at(ends, fine=fine), strict=True)
         best: Array = min(starting, key=badness)
         if starts > 1 and not self.found[best.tobytes()].known:
             raise SimulationError(f"The motor has no steady state at any of the points from any of {starts} starts.")

@@ -39,7 +39,7 @@ from pyspice_runner.impedance.spectrum import Connection, State
     against=option(
         "Another law of the contact, to compare how well it fits. Repeatable.", list[str] | None, metavar="LAW"
     ),
-    starts=option("Number of starts within a factor of 2: 1, or 16 with close modes.", int | None),
+    starts=option("Starts within a factor of 2, compared by ngspice; default 1, or 16 with close modes.", int | None),
     resume=option("JSON file in which an unfinished calibration is kept; if it exists, go on from it.", Path | None),
 )  # fmt: skip
 def calibrate(call: Call) -> int:

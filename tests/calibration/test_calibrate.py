@@ -20,6 +20,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 
 SET = "andersen2002-unintended-mode"
+CASES = Path(__file__).parents[1] / "data" / "cases"
 ERRORS = {"torque_n_m": 1e-4, "current_a_rms_a": 4e-4}  # 1 % of their greatest value at this drive
 
 
@@ -244,3 +245,16 @@ def test_another_file_is_refused_before_any_run(tmp_path: Path, document: Any) -
     motor = pr.load_motor(SET)
     with pytest.raises(pr.ParameterError, match="is not the result of a calibration"):
         pr.report(motor, pr.default_drive(motor), calibration=file)
+
+
+@pytest.mark.soak  # the time averages of eight points take seven minutes
+def test_the_remedy_for_a_wrong_minimum_finds_points_of_unstable_motions() -> None:
+    """The fast model has the unstable motion itself, and leads to another motor, which does not explain the points."""
+    data, free = CASES / "unintended_points.csv", ["contact.friction", "contact.normal_stiffness_n_per_m15"]
+    motor = pr.load_motor(SET)
+    (warning,) = pr.calibrate(motor, data, free=free).cautions
+    assert "give starts = 16" in warning
+    found = {one.path: one.interval_95 for one in pr.calibrate(motor, data, free=free, starts=8).estimates}
+    for path, value in zip(free, (0.24, 1.2 * motor.contact.normal_stiffness_n_per_m15), strict=True):
+        low, high = found[path]
+        assert low < value < high
