@@ -113,7 +113,7 @@ def first_guess(
 
     Without a guess the iteration starts at zero force. It then diverges where damping, by the rate of a soft compliance
     in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
-    The compressions of the compliances in series along y are those of the motion at the ``start``.
+    The compressions of the series compliances along y are taken from the motion ``start``.
     """
     found = dict[str, float]()
     if law is None or discretisation is None:

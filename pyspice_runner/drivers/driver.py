@@ -702,8 +702,8 @@ def add_breakpoints(circuit: Netlist, driver: Driver, group: str, begins: float 
     """Add pulses with corners where a bridge's comparators switch and before its gates turn on, for points there.
 
     Otherwise the time of an edge depends on the steps around it, and the step to the edge of a gate is as long as
-    those. A step to a corner has any length, and the next one is at most twice as long: the rounding error of a short
-    one would be that of the steps of the edge. Behind a second corner, :data:`RESTART_S` later, they begin anew.
+    those. ngspice shortens the step before a corner and at most doubles the next one, so that all steps of the edge
+    would have the relative rounding error of a short step. A second corner, :data:`RESTART_S` later, prevents this.
 
     The run starts at the phase ``begins`` of group A's control, in periods.
     """

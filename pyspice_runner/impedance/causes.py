@@ -57,7 +57,7 @@ LARGEST_SHIFT = 0.2  # largest relative distance of the frequencies of one mode
 _STEP = 1e-4  # of a tolerance of manufacture, relative, for its derivative
 _POLE = 0.02  # relative distance of a mode by a fit of the motor's own admittance from its pole, which counts as 1
 _OTHER = 2.0  # difference of a mode from one of the motor that makes it another one: a factor e² of θ, or 20 % of f
-_CABLE = 0.3, 1.0  # Ω and µH of usual leads, standard deviations: those of a metre of cable, assumed
+_CABLE = 0.3, 1.0  # Ω and µH, assumed standard deviations of usual leads: a metre of cable
 _LEAST_LOSS = 1e-4  # a smaller loss tangent does not count
 _STANDS_OUT, _MOST = 3.0, 6  # standard deviations, and number, of the deviations that are listed
 _ADDED = "coupling", "lead_ohm", "lead_h", "stray_f"  # what a size is a multiple of; of others it is a power
@@ -449,7 +449,7 @@ class Judge:
 
 
 def _ahead(fit: TwoPortFit, sizes: Sequence[_Size]) -> tuple[float, float, tuple[str, ...]]:
-    """Return the logarithms of the densities of usual and of bad leads at those of a fit, and these in words."""
+    """Return the log densities of the leads of a fit as usual and as bad leads, and the leads in words."""
     kinds = [int(name.startswith("inductance")) for name in fit.leads]
     to_size = np.array([1.0, 1e6])[kinds]  # Ω and µH
     values, errors = (to_size * list(one.values()) for one in (fit.leads, fit.lead_standard_errors))

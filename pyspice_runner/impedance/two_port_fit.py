@@ -469,15 +469,15 @@ class _Problem:
         return self, parameters
 
     def white(self, parameters: Vector) -> bool:
-        """Tell whether the residuals resemble noise."""
-        return self.independent(parameters) > 0.5 * self.count
+        """Whether the residuals resemble noise: most of the points are independent."""
+        return self.independent(parameters) >= 0.5 * self.count
 
     def gain(self, parameters: Vector, rival: _Problem, others: Vector) -> float:
-        """Return by how much Schwarz's criterion favours a solution over that of a problem that is alike."""
-        points, least = self.independent(parameters), FINEST**2 * self.count
+        """Return the advantage of a solution versus one of a rival problem by Schwarz's criterion."""
+        points, exact = self.independent(parameters), FINEST**2 * self.count
         rival = copy(rival)
         rival.deviation = self.deviation
-        ratio = rival.normal_equations(others)[0] / max(self.normal_equations(parameters)[0], least)
+        ratio = rival.normal_equations(others)[0] / max(self.normal_equations(parameters)[0], exact)
         more = len(parameters) - len(others) + int(np.sum(self.free)) - int(np.sum(rival.free))
         return 2.0 * points * log(ratio) - more * log(2.0 * points)
 
@@ -615,7 +615,7 @@ def _report(
         caution = f"A group has {ohm} in series, more than the {limit} of a fixture: check its joints."
         cautions = [*cautions, f"{caution} The modes are those behind it."]
     worst = max(errors.values())
-    if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
+    if worst > FINEST and not problem.white(parameters):
         cautions = [*cautions, misfit("The modes do not follow the spectra", worst, "up to ")]
     return TwoPortFit(
         source=source,

@@ -8,7 +8,6 @@ therefore measured in decks whose copies have their steps in common, one of them
 
 from __future__ import annotations
 
-from collections import ChainMap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -244,14 +243,15 @@ def _metered(
 ) -> dict[int, tuple[dict[str, float], Copy]]:
     """Do behind a driver what :func:`.run_block` does, with the meters of the dynamometer."""
 
-    def measured(place: int) -> dict[int, tuple[dict[str, float], Copy]]:
+    def measured(place: int) -> tuple[dict[str, float], Copy] | None:
         try:
-            return {place: _measured(setups[place], copies[place], period_map)}
+            return _measured(setups[place], copies[place], period_map)
         except SimulationError as error:
             period_map.effort.fail(error)
-            return {}
+            return None
 
-    return dict(ChainMap(*in_threads(measured, list(copies), cores())))
+    found = zip(copies, in_threads(measured, list(copies), cores()), strict=True)
+    return {place: one for place, one in found if one is not None}
 
 
 def running(setup: Point, start: Orbit, periods: int, vectors: Sequence[str]) -> dict[str, Array]:

@@ -255,7 +255,7 @@ def _reason(error: BaseException) -> str:
     if isinstance(error, BrokenExecutor | CancelledError):
         return (
             "The worker was lost: killed, out of memory, or cut off. Begin the sweep again for what is missing. If all "
-            "are lost, a function is one of a script without `if __name__ == '__main__':`, which each worker imports."
+            "are lost, the sweep uses a function of a script, which needs `if __name__ == '__main__':`."
         )
     return str(error) if isinstance(error, ParameterError | SimulationError) else f"{type(error).__name__}: {error}"
 

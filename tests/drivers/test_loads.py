@@ -62,7 +62,7 @@ def test_the_maxima_of_events_are_those_of_their_time_and_excess_is_told() -> No
         assert found[event]["voltage_a_v"] == pytest.approx(200.0, rel=2e-3)
     assert found[STOP]["voltage_a_at_s"] < 1.51e-3
     told = event_cautions(setup, found)
-    assert sum("Group A reaches 2" in sentence for sentence in told) == 1  # of all events together
+    assert sum("Group A reaches 2" in sentence for sentence in told) == 1  # one caution for all events
 
 
 CAPACITANCE = ratings("IRF610").output_capacitance

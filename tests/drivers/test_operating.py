@@ -60,7 +60,7 @@ def test_the_head_of_the_table_is_the_operating_point_and_a_short_run_is_no_verd
         assert given["got_v"] == pytest.approx(held.groups[group].harmonics[0].voltage_v)
     assert all(held.losses_w[f"bridge_{group}.{leg}"] > 0.0 for group in "ab" for leg in ("ph", "pl", "nh", "nl"))
     highest = max(bar.get_height() for bar in report.plot(panel="spectrum").patches)
-    assert highest == held.groups["a"].harmonics[0].current_a  # not that of the start, as the voltages drawn above it
+    assert highest == held.groups["a"].harmonics[0].current_a  # at the operating point, not at the start
     rows = report.summary()
     assert list(rows.values())[3].startswith("operating point")
     assert float(rows["power put in"].split()[0]) == pytest.approx(held.power_in_w, rel=1e-3)

@@ -176,5 +176,5 @@ def test_show_and_map_of_a_transducer(
     best = printed(["map", path, *axes, "--limit=motional_current_amplitude_a_a=0.02"], capsys)["best"]
     assert best["drive.voltage"] == 20.0
     assert best["load_power_w"] == pytest.approx(0.125 * 20.0**2 / (2.0 * 643.186339335) * 2.0, rel=1e-3)
-    monkeypatch.setattr(task, "_code_sha256", lambda: "of an edited file")  # while a worker has that of the file
+    monkeypatch.setattr(task, "_code_sha256", lambda: "of an edited file")  # workers have the hash of the real file
     assert "other versions" in refusal(["map", path, "--over=drive.voltage=10,20"], capsys, status=3)
