@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ngspice as WebAssembly: its installation, and what differs from the native program."""
 
+import json
 import os
 import re
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,6 +43,38 @@ def test_both_engines_give_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> 
     end = -2 if ngspice_version().startswith("47") else None  # which divides the last step otherwise
     for one in ours:
         np.testing.assert_allclose(one["v(out)"][:end], theirs["v(out)"][:end], rtol=0.0, atol=1e-12)
+
+
+def leaves(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the numbers of a result with the names of their columns."""
+    for key, part in value.items() if isinstance(value, dict) else (("", one) for one in value):
+        if isinstance(part, dict | list):
+            yield from leaves(part, f"{name}.{key}")
+        elif isinstance(part, int | float):
+            yield f"{name}.{key}", float(part)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("words", ["steady --speed 20", "speed-torque", "drive --rail 24 --stage full-bridge"])
+def test_commands_print_the_same_numbers_with_both_engines(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Within 1e-6 of the maximum of a column, of 360° for phases: the weakest harmonics are of the size of rounding."""
+    name, *others = words.split()
+    found = []
+    for engine in ("wasm", "native"):
+        monkeypatch.setenv("PIEZOMOTOR_ENGINE", engine)
+        assert command([name, "bimodal40", *others, "--json"]) == 0
+        found.append(list(leaves(json.loads(capsys.readouterr().out))))
+    columns: dict[str, list[tuple[float, float]]] = {}
+    for (column, value), (same, other) in zip(*found, strict=True):
+        assert column == same
+        if "seconds" not in column and "multiplier" not in column:
+            columns.setdefault(column, []).append((value, other))
+    assert len(columns) > 50
+    for column, pairs in columns.items():
+        scale = 360.0 if column.endswith("_deg") else np.abs(pairs).max()
+        np.testing.assert_allclose(*np.transpose(pairs), rtol=0.0, atol=1e-6 * scale, err_msg=column)
 
 
 def test_a_timeout_or_an_interrupt_ends_it_and_keeps_what_was_written() -> None:

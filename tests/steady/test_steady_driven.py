@@ -110,6 +110,9 @@ def test_a_run_begins_between_the_edges_of_a_bridge(kind: str, phase_deg: float,
         limits = (level, -level) if kind == "full-bridge" else (0.0,)
         for limit in limits:
             assert np.ptp(np.sign(control - limit)) == 0.0, (ahead, limit)
+    for rounding in (-1e-12, 1e-12):  # opposite phases are as far from the edges
+        same = driver(kind, phase_deg=phase_deg * (1.0 + rounding), **settings)
+        assert Plant(HELD, plant.drive, plant.load, plant.law, same).begins == plant.begins, rounding
 
 
 def both(kind: str, network: str, motor: pr.Motor) -> tuple[pr.SteadyState, dict[str, Any]]:
