@@ -14,6 +14,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.cli import FIRST_STEPS, app, run
+from pyspice_runner.motor.load import changed_motor
 from tests.said import printed
 
 COMMANDS = typer.main.get_command(app()).commands
@@ -69,8 +70,10 @@ def test_show_has_the_recoil_of_each_mode_also_where_it_is_zero(
 
 
 def test_simulate_prints_one_json_object_and_writes_the_requested_files(tmp_path: Path) -> None:
-    done = command(*SHORT, "--json", "--output", "run.csv", "--plot", "run.png", cwd=tmp_path)
-    cautions = [f"piezomotor: {sentence}" for sentence in pr.load_motor("andersen2002").cautions]
+    changes = {"beam.theory": "bernoulli-euler", "beam.recoil": False}  # by the user, not the paper
+    words = [f"--set={path}={value}".lower() for path, value in changes.items()]
+    done = command(*SHORT, *words, "--json", "--output", "run.csv", "--plot", "run.png", cwd=tmp_path)
+    cautions = [f"piezomotor: {sentence}" for sentence in changed_motor("andersen2002", changes).cautions]
     assert (done.returncode, done.stderr.splitlines()) == (0, cautions)
     assert "The recoil of mode bending-1 on the carrier is not known" in done.stderr
     summary = json.loads(done.stdout)

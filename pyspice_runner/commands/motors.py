@@ -71,10 +71,10 @@ def show(call: Call) -> None:
             shown += unit.removesuffix("^(1/1)").removesuffix("^1")
         without = "default" if path.startswith(("ring.", "contact.lining.")) else "derived"
         table.add_row(path, shown, origin.kind if origin else without)
-    if loaded.cautions:
-        document["cautions"] = list(loaded.cautions)
+    if cautions := list(dict.fromkeys([*loaded.cautions, *loaded.limits_of_theory])):
+        document["cautions"] = cautions
     call.write(document, table, lambda path: common.write_table(path, document, rows), loaded.plot)
-    for sentence in loaded.cautions:
+    for sentence in cautions:
         common.complain(f"piezomotor: {sentence}", style="yellow")
 
 

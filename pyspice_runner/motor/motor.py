@@ -582,12 +582,13 @@ class Motor(Shown, Parameters):
 
     @cached_property
     def cautions(self) -> tuple[str, ...]:
-        """What is not known of the motor, and where the theory of its beam or ring ends; every result repeats it."""
-        of_theory: tuple[str, ...] = ()
-        if (structure := self.structure) is not None:
-            of_theory = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
-        elif self.ring is not None:
-            of_theory = ring_cautions(self.ring)
+        """What is not known of the motor, and where the theory of its beam or ring ends; every result repeats it.
+
+        What the source of the motor gives, its theory or modes without recoil, is no caution; ``show`` has the limits.
+        """
+        given = {path for path, origin in self.provenance.items() if origin.kind == "given"}
+        of_theory = () if "beam.theory" in given else self.limits_of_theory
+        unknown = () if "beam.recoil" in given else unknown_recoil(self.modes, self.mount, self.stator.contact)
         limits = None if self.is_transducer or self.contact.exponent == HERTZ else self.limits
         if limits and (limits.contact_pressure_pa or limits.contact_tension_pa):
             of_theory = (*of_theory, OTHER_PRESSURE.format(self.contact.exponent))
@@ -596,7 +597,14 @@ class Motor(Shown, Parameters):
             of_theory = (*of_theory, f"The preload compresses the lining by {words}")
         if self.contacts:
             of_theory = (*of_theory, *uneven(self.touching, self.contacts))
-        return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_theory, *self.left_out)
+        return (*unknown, *of_theory, *self.left_out)
+
+    @property
+    def limits_of_theory(self) -> tuple[str, ...]:
+        """Where the theory of the beam or ring ends, with estimated errors; ``show`` prints it in any case."""
+        if (structure := self.structure) is not None:
+            return beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
+        return ring_cautions(self.ring) if self.ring is not None else ()
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, mount, and rotor or slider, ready to print."""

@@ -299,7 +299,7 @@ def test_every_value_of_the_papers_motor_says_where_it_comes_from() -> None:
     assert {path.rpartition(".")[2] for path in stated} == {"name", "group", "faces", "kind"}
     assert all(origin.note for path, origin in provenance.items() if path not in stated)
     assert {path for path, origin in provenance.items() if origin.kind == "given"} == {
-        "beam.theory", "damping.alpha_per_s", "damping.beta_s", "drive.phase_deg",
+        "beam.theory", "beam.recoil", "damping.alpha_per_s", "damping.beta_s", "drive.phase_deg",
     }  # fmt: skip
 
 

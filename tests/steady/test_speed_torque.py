@@ -157,7 +157,7 @@ def test_the_unintended_mode_is_put_beside_the_two_of_the_paper() -> None:
     first, unintended, second = MOTOR.modes
     for mode, own in zip((first, second), pr.load_motor("andersen2002").modes, strict=True):
         for name, value in own.model_dump(exclude={"name"}).items():
-            assert getattr(mode, name) == pytest.approx(value, rel=1e-4, abs=1e-12)  # five digits are written
+            assert (getattr(mode, name) or 0.0) == pytest.approx(value or 0.0, rel=1e-4, abs=1e-12)  # five digits
     assert unintended.coupling_a_n_per_v == -unintended.coupling_b_n_per_v  # driven by U_A − U_B
     assert unintended.tip_x == 0.0
     assert unintended.frequency_hz == pytest.approx(45e3, rel=0.03)

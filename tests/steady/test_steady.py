@@ -158,6 +158,11 @@ def linear_multipliers(motor: pr.Motor, period: float, *, turns: bool) -> np.nda
     return np.exp(np.linalg.eigvals(system) * period)
 
 
+@pytest.mark.parametrize("name", pr.available_motors())
+def test_a_set_has_no_caution_at_its_recommended_drive(name: str) -> None:
+    assert pr.steady_state(*recommended(name)).cautions == ()
+
+
 @pytest.mark.parametrize("name", ["andersen2002", BEAM40])
 @pytest.mark.parametrize("speed", [0.0, None])
 def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str, speed: float | None) -> None:
