@@ -16,10 +16,10 @@ NAMES = {"pll": "phase-locked loop", "none": "not tracked"}
 COLOURS = {"pll": BLUE, "none": VERMILION}
 START, OFFSET = 40.65e3, 0.01
 DRIFT, BEGIN, DRIFT_TIME, END = -0.005, 1.5e-3, 4e-3, 6.5e-3
-DURATIONS = {"pll": 5e-3, "none": 4e-3}
+DURATION = 5e-3
 if draft():
     BEGIN, DRIFT_TIME, END = 1.1e-3, 0.3e-3, 2.5e-3
-    DURATIONS = dict.fromkeys(NAMES, 2.3e-3)
+    DURATION = 2.3e-3
 
 
 def drifted(motor: pr.Motor) -> pr.Motor:
@@ -45,7 +45,7 @@ def draw(folder: Path) -> list[str]:
     for kind in NAMES:
         far = pr.Tracker(kind=kind, frequency=cold, offset=OFFSET, **DRIVE)
         near = far.model_copy(update={"offset": 0.0})
-        starts[kind] = pr.track(motor, far, duration=DURATIONS[kind], margin=False)
+        starts[kind] = pr.track(motor, far, duration=DURATION, margin=False)
         drifts[kind] = pr.track(
             motor, near, disturb="temperature", drift=DRIFT, drift_time=DRIFT_TIME, begin=BEGIN, duration=END,
             margin=False,

@@ -94,10 +94,10 @@ def of_page() -> Path:
 def _loaded(folder: Path) -> Path:
     """Return the archive, loaded by npm."""
     elsewhere = f"Without a network: `npm pack {PACKAGE}` elsewhere, `piezomotor engine install --from {FOLDER}.tgz`."
-    command = [*_node_and_npm()[1], "pack", "--silent", "--cache", str(folder / "npm"), PACKAGE]
+    command = [*_node_and_npm()[1], "pack", "--loglevel=error", "--cache", str(folder / "npm"), PACKAGE]
     ended = answer(command, timeout=_SECONDS, hint=f"{NODE_HINT} {elsewhere}", what="npm", folder=folder)
     if ended.returncode != 0:
-        last = " ".join((ended.stderr or ended.stdout).split())[:200]
+        last = " ".join((ended.stderr or ended.stdout).replace("npm error ", "").split())[:200]
         raise SimulationError(f"npm could not load {PACKAGE}: {last or ended.returncode}. {elsewhere}")
     return folder / f"{FOLDER}.tgz"
 
