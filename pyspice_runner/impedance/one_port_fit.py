@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
-from math import inf
+from math import inf, log
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,7 @@ POOR_FIT = "The circuit does not follow the spectrum"
 _DOMINANT = 0.8  # of a standard error by the choice among descriptions: two thirds of the variance
 _LEAST_ADMITTANCE = 1e-30  # S; no device lies below it or above its inverse, and squares leave the range of numbers
 _FREQUENCIES = 1e-9, 1e12  # Hz; outside there are no measurements, and products leave the range of numbers
+_MOVED = 2.0  # ratio of Q by a pair of frequencies to that by half power; a single arm has about 1
 _LAST_STEPS = 20  # of the descent with all points, which starts near its end
 _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
 
@@ -226,12 +227,17 @@ class SpectrumFit(Fit):
             values = ", ".join(f"{label} {_shown(arm, name, arm.standard_errors)}" for name, label in _LABELS.items())
             factor, merit = arm.characteristics.coupling_factor, arm.characteristics.figure_of_merit
             found[f"arm {number}"] = f"{values}, k_eff {factor:.3f}, figure of merit M {merit:.3g}"
-        for definition, main in circuit.definitions()[self.arms.index(self.main_arm)].items():
+        definitions = circuit.definitions()[self.arms.index(self.main_arm)]
+        by_width = definitions["half power"] or {}
+        for definition, main in definitions.items():
             if main is not None:
-                found[f"main arm by {definition}"] = ", ".join(
+                values = ", ".join(
                     f"{label} {engineering(main[name], unit_in(name).strip('1')).rstrip()}"
                     for name, label in _STANDARD_LABELS.items()
                 )
+                quality = main["quality_factor"]
+                moved = abs(log(quality / by_width.get("quality_factor", quality))) > log(_MOVED)
+                found[f"main arm by {definition}"] = values + ": not of this arm, neighbours move it" * moved
         points = self.main_arm.half_power
         if points is not None:
             found["main arm by its measured points, half power"] = (
