@@ -158,6 +158,7 @@ TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol":
 BRIDGE_OPTIONS = {**SWITCHED_OPTIONS, "abstol": "3e-6", "chgtol": "1e-9", "trtol": "7", "xtrtol": "7"}
 ROUNDING = 1e-9  # relative, of times
 STEP_TIME = 0.2e-3  # s, rise time of a step of load, preload or supply: short for the loop, long for the modes
+LOW_PASS_OHM = 1e3  # Ω, of the coil, the capacitor and the resistor of a low-pass filter at its corner: Q is 1
 _NO_COPY = 1e-6  # of a clamped capacitance, where its current is sensed as well
 LOST_DEG = 60.0  # phase error with which lock is lost: half the amplitude
 LOST_PERIODS = 5.0  # time constant of the mean by which a loss of lock is seen: the ripple at 2 f is 1.6 %
@@ -555,6 +556,16 @@ class TrackedSource(Source):
         """Default number of steps in a period of the fastest motion."""
         return 250 if self.driver and self.driver.switched else 200
 
+    @property
+    def filtered(self) -> bool:
+        """Whether low-pass filters precede the detector: harmonics of a bridge can add edges to those it counts."""
+        return self.driver is not None and self.driver.switched
+
+    def low_pass(self, frequency: Any) -> Any:
+        """Return what these filters pass at a frequency in Hz, or at an array of them; 1 without them."""
+        ratio = np.asarray(frequency) / self.tracker.frequency
+        return 1.0 / (1.0 - ratio**2 + 1j * ratio) if self.filtered else 1.0
+
     def ringing_step(self, motor: Motor) -> float:
         """Return the longest default step in s by what rings in the driver."""
         return self.driver.ringing_step(motor) if self.driver else inf
@@ -677,8 +688,9 @@ Helectrode motional 0 Velectrode -1
             ahead = degrees(phase(sensed_velocity(motor, tracker, self.mode)))
             targets = [(at, target + ahead) for at, target in self.targets]
             circuit.V("target", "target", circuit.gnd, schedule_text(targets))
+            detected = self._add_low_passes(circuit) if self.filtered else ("motional", "force", "ahead")
             instantiate(
-                circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
+                circuit, "detector", "tracker_detector", (*detected, "target", "control"),
                 current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
             )  # fmt: skip
             add_filter(circuit, self.loop_filter, tracker.start_v)
@@ -701,6 +713,20 @@ Helectrode motional 0 Velectrode -1
             bandwidth=tracker.average_hz, period=tracker.period_s, step=tracker.step_hz / tracker.gain_hz_per_v,
             polarity=tracker.polarity, rail=RAIL, start=tracker.start_v,
         )  # fmt: skip
+
+    def _add_low_passes(self, circuit: Circuit) -> tuple[str, ...]:
+        """Add these filters; return their outputs. The rate of the force is in phase with the current of its filter."""
+        omega = 2.0 * pi * self.tracker.frequency
+        circuit.raw_spice += "* equal low-pass filters against harmonics of the bridge\n"
+        for name in ("motional", "force"):
+            circuit.raw_spice += f"""\
+E{name} {name}_in 0 {name} 0 1
+R{name} {name}_in {name}_coil {LOW_PASS_OHM!r}
+L{name} {name}_coil {name}_low {LOW_PASS_OHM / omega!r} ic=0
+C{name} {name}_low 0 {1.0 / (omega * LOW_PASS_OHM)!r} ic=0
+"""
+        circuit.raw_spice += "Eahead ahead_low 0 force_in force_coil 1\n"
+        return "motional_low", "force_low", "ahead_low"
 
     def _add_restart(self, circuit: Circuit, conductance: float, **values: float) -> None:
         """Add the detection of a loss of lock, averaged over some periods, and the restart."""
