@@ -269,10 +269,19 @@ def steady_state(
 
 
 def settled(point: Point, accuracy: float = ACCURACY, *, averages: bool = True) -> SteadyState:
-    """Return the steady state of an operating point, with waveforms; for the settings see :func:`steady_states`."""
+    """Return the steady state of an operating point, with waveforms; for the settings see :func:`steady_states`.
+
+    Raise ParameterError for a load that drives the shaft backwards beyond the speeds for which the model holds.
+    """
     (state,) = steady_states([point], accuracy=accuracy, waveforms=True, averages=averages)
     if state.failure:
         raise state.failure
+    faster, unit = too_fast(point.motor.to_dict(), state.speed_rad_s), "N" if point.motor.slider else "N·m"
+    if faster and point.load.torque:
+        raise ParameterError(
+            f"load_torque = {point.load.torque:g} {unit} is not valid: the contact gives {state.torque_n_m:.3g} "
+            f"{unit}, and the load drives the shaft. {faster[0]}"
+        )
     return state
 
 
