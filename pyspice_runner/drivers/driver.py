@@ -686,6 +686,10 @@ def add_driver(
     source = source and driver.controlled
     libraries = [*([read_library("driver_source")] if source else []), *driver.libraries()]
     circuit.raw_spice += definitions(*libraries) + "\n"
+    if source and driver.delays("a"):
+        circuit.raw_spice += (
+            "* Vedges, Vbefore, Von: corners, and so points, where a bridge's comparators and gates switch\n"
+        )
     if source:
         amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in driver.groups}
         nodes = ("control_a", "control_b", circuit.gnd)
