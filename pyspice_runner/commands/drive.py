@@ -108,7 +108,6 @@ def drive(call: Call) -> None:
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )
     save = reports[0].save if against is None else lambda path: common.write_table(path, document, _rows(reports))
-
     bill: common.Writing = (bom, lambda path: write_rows(path, bill_of_materials(reports[0].bill)))
     drawn: common.Writing = (call.values["plot"], partial(_draw, reports))
     common.deliver(document, _table(motor, reports), call.as_json, (call.output, save), drawn, bill)

@@ -687,9 +687,7 @@ def add_driver(
     libraries = [*([read_library("driver_source")] if source else []), *driver.libraries()]
     circuit.raw_spice += definitions(*libraries) + "\n"
     if source and driver.delays("a"):
-        circuit.raw_spice += (
-            "* Vedges, Vbefore, Von: corners, and so points, where a bridge's comparators and gates switch\n"
-        )
+        circuit.raw_spice += "* Vedges, Vbefore, Von: points at and before each edge of a bridge, and at its gates\n"
     if source:
         amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in driver.groups}
         nodes = ("control_a", "control_b", circuit.gnd)

@@ -565,7 +565,7 @@ def _start_time(setup: Point, design: Design | None) -> float:
     """Return the time in s of the run of a design.
 
     A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
-    take long, it begins to.
+    take long, it begins to, by its torque at stall: under a load torque it has none to spare at its operating point.
     """
     motor, uniform = setup.motor, setup.source.uniform
     if motor.is_transducer:  # until it has settled, as far as that is affordable
@@ -574,7 +574,6 @@ def _start_time(setup: Point, design: Design | None) -> float:
     assert design is not None
     points = design.points or design.unmatched
     target = next(point for point in points if point.state == OPERATING)
-    # a motor under a load torque has none to spare at its operating point; one that begins to turn is near stall
     torque = min(abs(point.torque_n_m) for point in points[: 2 if uniform else 1]) - abs(setup.load.torque)
     whole = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
     time = whole + 0.5 * motor.decay_s if uniform else 2.0 * TURNING * whole

@@ -269,10 +269,7 @@ def steady_state(
 
 
 def settled(point: Point, accuracy: float = ACCURACY, *, averages: bool = True) -> SteadyState:
-    """Return the steady state of an operating point, with waveforms; for the settings see :func:`steady_states`.
-
-    Raise ParameterError for a load that drives the shaft backwards beyond the speeds for which the model holds.
-    """
+    """Return the steady state of an operating point, with waveforms; for the settings see :func:`steady_states`."""
     (state,) = steady_states([point], accuracy=accuracy, waveforms=True, averages=averages)
     if state.failure:
         raise state.failure

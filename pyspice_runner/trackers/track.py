@@ -635,9 +635,9 @@ def _rings(source: TrackedSource, force: Complex, frequency: float) -> Iterator[
     if source.filtered and source.tracker.kind == "pll" and moved > 0.5 * LOCKED_DEG:
         most = int(np.argmax(np.abs(force[1:]))) + 1
         yield (
-            f"Harmonics move the edge of the voltage that the detector sees by {moved:.2g}°: that at "
-            f"{engineering(orders[most] * frequency, 'Hz')} is {abs(force[most] / force[0]):.2g} times the "
-            "fundamental, since the network resonates near it. Change the network by --part, or take another one."
+            f"Harmonics move the edge of the voltage that the detector sees by {moved:.2g}°, as that at "
+            f"{engineering(orders[most] * frequency, 'Hz')}, {abs(force[most] / force[0]):.2g} times the fundamental, "
+            "near which the network resonates. Change the network by --part, or take another one."
         )
 
 

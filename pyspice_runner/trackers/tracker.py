@@ -158,7 +158,6 @@ TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol":
 BRIDGE_OPTIONS = {**SWITCHED_OPTIONS, "abstol": "3e-6", "chgtol": "1e-9", "trtol": "7", "xtrtol": "7"}
 ROUNDING = 1e-9  # relative, of times
 STEP_TIME = 0.2e-3  # s, rise time of a step of load, preload or supply: short for the loop, long for the modes
-LOW_PASS_OHM = 1e3  # Ω, of the coil, the capacitor and the resistor of a low-pass filter at its corner: Q is 1
 _NO_COPY = 1e-6  # of a clamped capacitance, where its current is sensed as well
 LOST_DEG = 60.0  # phase error with which lock is lost: half the amplitude
 LOST_PERIODS = 5.0  # time constant of the mean by which a loss of lock is seen: the ripple at 2 f is 1.6 %
@@ -554,7 +553,7 @@ class TrackedSource(Source):
     @property
     def points_per_period(self) -> int:
         """Default number of steps in a period of the fastest motion."""
-        return 250 if self.driver and self.driver.switched else 200
+        return 250 if self.filtered else 200
 
     @property
     def filtered(self) -> bool:
@@ -594,7 +593,7 @@ class TrackedSource(Source):
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:  # noqa: ARG002
         """Return ngspice's options, behind switching edges with control of the steps."""
-        return BRIDGE_OPTIONS if self.driver and self.driver.switched else TRACKER_OPTIONS
+        return BRIDGE_OPTIONS if self.filtered else TRACKER_OPTIONS
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
@@ -716,14 +715,14 @@ Helectrode motional 0 Velectrode -1
 
     def _add_low_passes(self, circuit: Circuit) -> tuple[str, ...]:
         """Add these filters; return their outputs. The rate of the force is in phase with the current of its filter."""
-        omega = 2.0 * pi * self.tracker.frequency
+        unit = 0.5 / pi / self.tracker.frequency  # H and F, of 1 Ω at the corner, as the resistor: Q is 1
         circuit.raw_spice += "* equal low-pass filters against harmonics of the bridge\n"
         for name in ("motional", "force"):
             circuit.raw_spice += f"""\
 E{name} {name}_in 0 {name} 0 1
-R{name} {name}_in {name}_coil {LOW_PASS_OHM!r}
-L{name} {name}_coil {name}_low {LOW_PASS_OHM / omega!r} ic=0
-C{name} {name}_low 0 {1.0 / (omega * LOW_PASS_OHM)!r} ic=0
+R{name} {name}_in {name}_coil 1
+L{name} {name}_coil {name}_low {unit!r} ic=0
+C{name} {name}_low 0 {unit!r} ic=0
 """
         circuit.raw_spice += "Eahead ahead_low 0 force_in force_coil 1\n"
         return "motional_low", "force_low", "ahead_low"
