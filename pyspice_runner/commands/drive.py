@@ -59,7 +59,8 @@ def drive(call: Call) -> None:
     """Run a motor with its drive electronics: currents, powers, harmonics, losses, and the stress on the parts.
 
     With --rail it designs the driver: network, transformer and their parts, so that the pins get the drive's voltages
-    from stall to no load. --speed is then the operating point, and the motor starts from rest.
+    from stall to no load. --speed is then the operating point, and the motor starts from rest. The exit status is 0
+    whether or not the design is feasible.
 
     Writes .json (report), .csv (waveforms of one driver, or the table of two) or .cir (deck of one driver).
 
@@ -80,9 +81,9 @@ def drive(call: Call) -> None:
     fault: pr.SimulationError | None = None
     for spec in specs:
         try:
-            with common.busy(f"ngspice runs the {spec.name}"):
+            with common.run_progress(f"ngspice runs the {spec.name} from power-up") as progress:
                 report = pr.drive_report(
-                    motor, spec, contact=call.law, events=call.events or spec.load_range is not None,
+                    motor, spec, contact=call.law, events=call.events or spec.load_range is not None, progress=progress,
                     **call.pick("duration speed load_torque audit timeout"),
                 )  # fmt: skip
             reports.append(report)
@@ -107,7 +108,6 @@ def drive(call: Call) -> None:
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )
     save = reports[0].save if against is None else lambda path: common.write_table(path, document, _rows(reports))
-
     bill: common.Writing = (bom, lambda path: write_rows(path, bill_of_materials(reports[0].bill)))
     drawn: common.Writing = (call.values["plot"], partial(_draw, reports))
     common.deliver(document, _table(motor, reports), call.as_json, (call.output, save), drawn, bill)

@@ -686,6 +686,8 @@ def add_driver(
     source = source and driver.controlled
     libraries = [*([read_library("driver_source")] if source else []), *driver.libraries()]
     circuit.raw_spice += definitions(*libraries) + "\n"
+    if source and driver.delays("a"):
+        circuit.raw_spice += "* Vedges, Vbefore, Von: points at and before each edge of a bridge, and at its gates\n"
     if source:
         amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in driver.groups}
         nodes = ("control_a", "control_b", circuit.gnd)

@@ -7,7 +7,7 @@ Supply = losses in the driver + input of the motor; every report states the resi
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -32,6 +32,7 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power, ceramic, modal_vectors
+from pyspice_runner.run.kernel import progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point, Settings
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.simulate import JUDGED, CoarserRuns
@@ -368,6 +369,7 @@ def drive_report(
     *,
     audit: bool = True,
     events: bool = False,
+    progress: Callable[[float, float], object] | None = None,
     **settings: Unpack[Settings],
 ) -> DriveReport:
     """Run a driver and its motor from power-up and report on both; design the driver of a specification first.
@@ -380,6 +382,7 @@ def drive_report(
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
         events: whether further runs find what a load step, a stop and a frequency sweep do to pins and parts. The parts
             of a design are then rated for the largest of all.
+        progress: of the run from power-up, as in :func:`simulate`.
         settings: load, contact and solver, as in :class:`.Settings`; of a specification with a rail the speed is that
             of the operating point of the design, and the motor starts from rest.
 
@@ -407,7 +410,7 @@ def drive_report(
     recording, judged, vectors = Recording(setup, setup.discretisation), _judged(setup), _vectors(setup, driver)
     coarser = CoarserRuns(setup, judged, duration) if judged and settings.get("step") is None else None
     with coarser or nullcontext():
-        outcome = setup.run(duration, vectors)
+        outcome = setup.run(duration, vectors, progress=progress and progress_callback(progress, duration))
         samples = outcome.vectors()
         errors = coarser.errors(recording.columns(samples, judged)) if coarser else None
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
@@ -562,7 +565,7 @@ def _start_time(setup: Point, design: Design | None) -> float:
     """Return the time in s of the run of a design.
 
     A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
-    take long, it begins to.
+    take long, it begins to, by its torque at stall: under a load torque it has none to spare at its operating point.
     """
     motor, uniform = setup.motor, setup.source.uniform
     if motor.is_transducer:  # until it has settled, as far as that is affordable
@@ -571,7 +574,7 @@ def _start_time(setup: Point, design: Design | None) -> float:
     assert design is not None
     points = design.points or design.unmatched
     target = next(point for point in points if point.state == OPERATING)
-    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
+    torque = min(abs(point.torque_n_m) for point in points[: 2 if uniform else 1]) - abs(setup.load.torque)
     whole = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
     time = whole + 0.5 * motor.decay_s if uniform else 2.0 * TURNING * whole
     return min(max(_SHORTEST, time), _LONGEST)

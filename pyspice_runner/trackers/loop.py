@@ -14,8 +14,8 @@ with the phasors M and F of both, and the coefficients m, f of :math:`e^{j(\\ome
 rate of the charge there.
 
 The detector compares rising edges. Behind a bridge the force has harmonics, which move its edge and change its slope
-there. They follow the oscillator: a phase shift ψ of the oscillator shifts the harmonic k by kψ. The response of the
-network to the fundamental has no effect on that.
+there, less by the low-pass filters in front of the detector. They follow the oscillator: a phase shift ψ of the
+oscillator shifts the harmonic k by kψ. The response of the network to the fundamental has no effect on that.
 """
 
 from __future__ import annotations
@@ -209,10 +209,10 @@ def _turns(
         taken = (copies(weights, at) @ held[..., np.newaxis])[..., 0]
         return np.asarray((np.asarray(tracker.sensed_share(at))[..., np.newaxis] * answer[..., :2] - taken) @ currents)
 
-    motional = complex(sensed(frequency, drawn, pins))
+    motional = complex(source.low_pass(frequency) * sensed(frequency, drawn, pins))
     harmonics = np.array([forces @ pins]) if force is None else force
     orders = np.arange(1, len(harmonics) + 1)
-    wanted = harmonics * _reference(tracker, target, orders * frequency)
+    wanted = harmonics * _reference(source, target, orders * frequency)
     edge = _edge(wanted)
     slopes = orders * wanted * np.exp(1j * orders * edge)
     slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
@@ -226,8 +226,8 @@ def _turns(
     by_groups = inner[:, [0, 1, 3, 4]]
     moved = np.linalg.solve(np.eye(4) + series * (by_groups + across * np.eye(4)), emf[:, np.newaxis])
     held = moved.reshape(-1, 2, 2)
-    current = sensed(bands, (inner @ moved).reshape(-1, 2, 3), held)
-    turned = held @ forces * _reference(tracker, target, bands)
+    current = source.low_pass(bands) * sensed(bands, (inner @ moved).reshape(-1, 2, 3), held)
+    turned = held @ forces * _reference(source, target, bands)
     ahead = current @ np.array([1.0 / motional, 1.0 / motional.conjugate()])
     ahead -= (turned @ np.exp([1j * edge, -1j * edge]) + follows) / slope
     error = np.abs(currents).sum() * of_kinds[0]
@@ -237,10 +237,10 @@ def _turns(
     return ahead / (1j * at), errors, (of_mode + 180.0) % 360.0 - 180.0
 
 
-def _reference(tracker: Tracker, target_deg: float, frequency: Any) -> Complex:
+def _reference(source: TrackedSource, target_deg: float, frequency: Any) -> Complex:
     """Return the factors from the force to the signal with which the detector compares the current."""
-    target = np.radians(target_deg)
-    return np.asarray(np.cos(target) + 1j * frequency / tracker.frequency * np.sin(target))
+    target, ahead = np.radians(target_deg), 1j * frequency / source.tracker.frequency
+    return np.asarray(source.low_pass(frequency) * (np.cos(target) + ahead * np.sin(target)))
 
 
 def _edge(harmonics: Complex) -> float:

@@ -46,6 +46,7 @@ LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
 CROSSINGS = 4  # of the target in the second half of a run, with which a loop oscillates: two cycles
+HUNTS_DEG = 5.0  # from peak to peak in both quarters of it, from which on a locked loop hunts
 SAME = 1e-6  # relative difference of couplings that rounding explains
 AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off over the last 50 mV of 5 V
 
@@ -206,12 +207,12 @@ class Tracking(Estimated, Result):
             return
         if self.losses:
             yield f"The tracker lost lock: {self._lost_words}. Raise the voltage or the bandwidth, or load it less."
+        late = 1e-3 * self.frequency_hz[self.time_s >= 0.5 * self.time_s[-1]]
+        swing = f"from {late.min():.6g} to {late.max():.6g} kHz"
         if self.locked and not at_limit:
+            if self._swing_deg > HUNTS_DEG:
+                yield f"The loop hunts to the end, {swing}. Raise the voltage, or move the target towards 0."
             return
-        late = self.time_s >= 0.5 * self.time_s[-1]
-        low, high = 1e-3 * self.frequency_hz[late].min(), 1e-3 * self.frequency_hz[late].max()
-        error = self.phase_deg[late] - self._wanted_deg
-        swings = np.ptp(error) > 2.0 * LOCKED_DEG and np.count_nonzero(np.diff(np.sign(error))) >= CROSSINGS
         advice = "Run it longer (duration), start nearer to the resonance (offset), or raise the voltage."
         if at_limit:
             advice = "Start nearer to the resonance (offset), widen the range (span), or reverse the polarity."
@@ -220,14 +221,23 @@ class Tracking(Estimated, Result):
                 "Run it longer (duration), or start nearer to the resonance (offset). Where what it observes has no "
                 "maximum at resonance, use observe-current or a pll."
             )
-        elif swings:
-            advice = f"It oscillates from {low:.5g} to {high:.5g} kHz. Raise the voltage, or move the target towards 0."
+        elif self._swing_deg > 2.0 * LOCKED_DEG:
+            advice = f"It oscillates {swing}. Raise the voltage, or move the target towards 0."
         yield (
             f"The tracker {'is locked' if self.locked else 'has lost lock' if lost else 'has not locked'}: it ended at "
             f"{1e-3 * self.end_frequency_hz:.6g} kHz{', the limit of its oscillator' if at_limit else ''}, "
             f"{self.static_phase_error_deg:.3g}° from its target, by design {1e-3 * self.design_frequency_hz:.6g} kHz. "
             + advice
         )
+
+    @property
+    def _swing_deg(self) -> float:
+        """Swing of a loop's phase about its target in the second half of a run, the smaller of both quarters; or 0."""
+        error = self.phase_deg[self.time_s >= 0.5 * self.time_s[-1]] - self._wanted_deg
+        if self.temperature_k is None:  # periods of a full motor, with the ripple of its contact
+            error = np.convolve(error, np.full(SMOOTHED_PERIODS, 1.0 / SMOOTHED_PERIODS), "valid")
+        about = self.settings["tracker"]["kind"] == "pll" and np.count_nonzero(np.diff(np.sign(error))) >= CROSSINGS
+        return float(min(map(np.ptp, np.array_split(error, 2)))) if about else 0.0
 
     @property
     def _lost_words(self) -> str:
@@ -278,7 +288,7 @@ class Tracking(Estimated, Result):
             "drive": f"{engineering(tracker['voltage'], 'V')}, target {tracker['target_deg']:g}°",
             "disturbance": ", ".join(map(_event_words, self.settings["disturbances"])),
             **contact_row(self.settings["run"]),
-            "locked": "yes" if self.locked else "no",
+            "locked": f"yes{', but it hunts' if self._swing_deg > HUNTS_DEG else ''}" if self.locked else "no",
             "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
             **({"lock lost": self._lost_words} if self.losses else {}),
             **({"restarts": f"{len(self.restarts_s)}"} if self.restarts_s else {}),
@@ -594,7 +604,7 @@ def _track_full(run: TrackedRun, progress: Callable[[float, float], object] | No
     forces = force_vectors(motor) if setup.law else ()
     currents = [source.current(group)[0] for group in GROUPS]
     shaft = [] if motor.is_transducer else ["v(shaft)"]
-    of_mode = ["v(force)", "v(tuned)", *shaft, f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
+    of_mode = ["v(force)", "v(sine)", "v(tuned)", *shaft, f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
     watched = ["v(restart)"] if source.restart else []
     names = dict.fromkeys([*of_mode, *watched, *forces, "v(a)", "v(b)", *currents, *modal_vectors(motor)])
     outcome = setup.run(run.duration, list(names), progress=progress and progress_callback(progress, run.duration))
@@ -610,10 +620,25 @@ def _track_full(run: TrackedRun, progress: Callable[[float, float], object] | No
     pins = np.array([_phasor(vectors, f"v({group})") for group in GROUPS])
     drawn = np.array([_phasor(vectors, name) for name in currents])
     found = replace(found, ceramic=stressed, sensing=_sensing(run, pins, drawn, found.end_frequency_hz))
-    if not (run.margin and found.locked):
-        return found
     force = np.array([_phasor(vectors, "v(force)", order) for order in range(1, HARMONICS_OF_FORCE + 1)])
-    return _with_loop(run, found, pins, force)
+    if not found.locked:
+        return replace(found, model_cautions=(*cautions, *_rings(source, force, found.end_frequency_hz)))
+    return _with_loop(run, found, pins, force) if run.margin else found
+
+
+def _rings(source: TrackedSource, force: Complex, frequency: float) -> Iterator[str]:
+    """Yield a caution where the harmonics of a bridge move an edge of the force at the detector of a loop far."""
+    orders, turns = np.arange(1, len(force) + 1), np.linspace(-0.5, 0.5, 50 * len(force))
+    seen = force * source.low_pass(orders * frequency)
+    waves = (seen * np.exp(-1j * orders * np.angle(seen[0])) @ np.exp(2j * pi * np.outer(orders, turns))).imag
+    moved = 360.0 * float(np.abs(turns[1:][(waves[:-1] < 0.0) & (waves[1:] >= 0.0)]).max(initial=0.0))
+    if source.filtered and source.tracker.kind == "pll" and moved > 0.5 * LOCKED_DEG:
+        most = int(np.argmax(np.abs(force[1:]))) + 1
+        yield (
+            f"Harmonics move the edge of the voltage that the detector sees by {moved:.2g}°, as that at "
+            f"{engineering(orders[most] * frequency, 'Hz')}, {abs(force[most] / force[0]):.2g} times the fundamental, "
+            "near which the network resonates. Change the network by --part, or take another one."
+        )
 
 
 def _inseparable(motor: Motor, mode: int, sense: str = "current") -> tuple[str, ...]:
@@ -729,14 +754,12 @@ def _event_words(event: Mapping[str, Any]) -> str:
 
 
 def _edges(vectors: Mapping[str, Array]) -> Array:
-    """Return the times in s of the rising edges of the force."""
-    time, force = vectors["time"], vectors["v(force)"]
-    rising = np.flatnonzero((force[:-1] < 0.0) & (force[1:] >= 0.0))
+    """Return the times in s of the rising edges of the oscillator; the force behind a network may ring through zero."""
+    time, sine = vectors["time"], vectors["v(sine)"]
+    rising = np.flatnonzero((sine[:-1] < 0.0) & (sine[1:] >= 0.0))
     if rising.size < 2 * SMOOTHED_PERIODS:
         raise SimulationError("The oscillator did not oscillate; see the deck.")
-    return np.asarray(
-        time[rising] - force[rising] * (time[rising + 1] - time[rising]) / (force[rising + 1] - force[rising])
-    )
+    return np.asarray(time[rising] - (sine / np.diff(sine, append=1.0))[rising] * np.diff(time)[rising])
 
 
 def _phasor(vectors: Mapping[str, Array], name: str, order: int = 1) -> complex:
@@ -769,7 +792,7 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
 
 
 def _periods(vectors: dict[str, Array], motor: Motor, mode: int) -> Periods:
-    """Return the fundamentals of each period, from one rising edge of the force to the next.
+    """Return the fundamentals of each period, from one rising edge of the oscillator to the next.
 
     Instead of a speed a transducer has the amplitude of the motional current of the mode.
     """

@@ -553,7 +553,17 @@ class TrackedSource(Source):
     @property
     def points_per_period(self) -> int:
         """Default number of steps in a period of the fastest motion."""
-        return 250 if self.driver and self.driver.switched else 200
+        return 250 if self.filtered else 200
+
+    @property
+    def filtered(self) -> bool:
+        """Whether low-pass filters precede the detector: harmonics of a bridge can add edges to those it counts."""
+        return self.driver is not None and self.driver.switched
+
+    def low_pass(self, frequency: Any) -> Any:
+        """Return what these filters pass at a frequency in Hz, or at an array of them; 1 without them."""
+        ratio = np.asarray(frequency) / self.tracker.frequency
+        return 1.0 / (1.0 - ratio**2 + 1j * ratio) if self.filtered else 1.0
 
     def ringing_step(self, motor: Motor) -> float:
         """Return the longest default step in s by what rings in the driver."""
@@ -583,7 +593,7 @@ class TrackedSource(Source):
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:  # noqa: ARG002
         """Return ngspice's options, behind switching edges with control of the steps."""
-        return BRIDGE_OPTIONS if self.driver and self.driver.switched else TRACKER_OPTIONS
+        return BRIDGE_OPTIONS if self.filtered else TRACKER_OPTIONS
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
@@ -677,8 +687,9 @@ Helectrode motional 0 Velectrode -1
             ahead = degrees(phase(sensed_velocity(motor, tracker, self.mode)))
             targets = [(at, target + ahead) for at, target in self.targets]
             circuit.V("target", "target", circuit.gnd, schedule_text(targets))
+            detected = self._add_low_passes(circuit) if self.filtered else ("motional", "force", "ahead")
             instantiate(
-                circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
+                circuit, "detector", "tracker_detector", (*detected, "target", "control"),
                 current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
             )  # fmt: skip
             add_filter(circuit, self.loop_filter, tracker.start_v)
@@ -701,6 +712,20 @@ Helectrode motional 0 Velectrode -1
             bandwidth=tracker.average_hz, period=tracker.period_s, step=tracker.step_hz / tracker.gain_hz_per_v,
             polarity=tracker.polarity, rail=RAIL, start=tracker.start_v,
         )  # fmt: skip
+
+    def _add_low_passes(self, circuit: Circuit) -> tuple[str, ...]:
+        """Add these filters; return their outputs. The rate of the force is in phase with the current of its filter."""
+        unit = 0.5 / pi / self.tracker.frequency  # H and F, of 1 Ω at the corner, as the resistor: Q is 1
+        circuit.raw_spice += "* equal low-pass filters against harmonics of the bridge\n"
+        for name in ("motional", "force"):
+            circuit.raw_spice += f"""\
+E{name} {name}_in 0 {name} 0 1
+R{name} {name}_in {name}_coil 1
+L{name} {name}_coil {name}_low {unit!r} ic=0
+C{name} {name}_low 0 {unit!r} ic=0
+"""
+        circuit.raw_spice += "Eahead ahead_low 0 force_in force_coil 1\n"
+        return "motional_low", "force_low", "ahead_low"
 
     def _add_restart(self, circuit: Circuit, conductance: float, **values: float) -> None:
         """Add the detection of a loss of lock, averaged over some periods, and the restart."""

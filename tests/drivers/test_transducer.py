@@ -92,3 +92,17 @@ def test_tracker_keeps_lock_under_a_load_step(air: pr.Motor) -> None:
     assert document["motional_current_after_a"] == pytest.approx(0.5 * current, rel=0.03)
     assert not [name for name in document if "rad_s" in name]
     assert found.loop.phase_margin_deg > 45.0
+
+
+@pytest.mark.soak
+def test_a_transducer_locks_behind_a_network_that_passes_the_third_harmonic(tmp_path: Path) -> None:
+    """With the parts that are chosen the pin has a third of its voltage at 84 kHz, and three edges in a period."""
+    horn = EquivalentCircuit((MotionalArm(20.07, 72.47e-3, 448.4e-12),), 3.012e-9, 0.0, 28e3)
+    (tmp_path / "horn.toml").write_text(circuit_toml(horn))
+    device = pr.load_motor(tmp_path / "horn.toml")
+    driver = pr.DriverSpec(drive_of(device), "half-bridge", "llcc").built(device, contact=None)
+    found = pr.track(device, pr.Tracker(kind="pll", voltage=20.0, frequency=27919.54), 8e-3, driver=driver)
+    assert found.locked
+    # by which a third, 1/|1 - 9 + 3j| of it behind the filter, moves the edge; an edge is seen 1.4° late at most
+    assert abs(found.static_phase_error_deg) == pytest.approx(2.2, abs=1.4)
+    assert found.end_frequency_hz == pytest.approx(27919.54, rel=1e-4)

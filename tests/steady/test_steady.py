@@ -23,6 +23,7 @@ from pyspice_runner.steady.shooting import NEWTON
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
 from tests.motors import BEAM40, friction_torque, recommended
+from tests.said import refusal
 from validation.steady_states import staying
 
 SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
@@ -109,11 +110,12 @@ def test_a_free_rotor_runs_where_the_curve_of_held_ones_crosses_the_load() -> No
     assert free.speed_rad_s == pytest.approx(float(crossing), rel=1e-3)
 
 
-def test_a_load_that_bursts_the_rotor_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["steady", "andersen2002", "--load", "100"]) == 0
+def test_a_load_that_bursts_the_rotor_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    said = refusal(["steady", "andersen2002", "--load", "100"], capsys)
+    assert "load_torque = 100 N·m is not valid: the contact gives 0.015 N·m, and the load drives the shaft." in said
     # the closed form of a rotor that slips: (μ F₀ R − load) / damping of the bearing; at most 1 km/s over the radius
     speed = (friction_torque(PAPER) - 100.0) / PAPER.rotor.bearing_damping_n_m_s
-    assert f"The rotor moves at {speed:.4g} rad/s; the limit is 1e+05 rad/s" in capsys.readouterr().err
+    assert f"The rotor moves at {speed:.4g} rad/s; the limit is 1e+05 rad/s" in said
     drive = pr.default_drive(PAPER)
     chart = pr.working_points(PAPER, drive, over={"load.torque": [0.0, 100.0]}, objective="speed")
     assert chart.allowed.values.tolist() == [True, False]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import AC_OPTIONS, Bench
@@ -155,10 +156,7 @@ def proposed(chosen: pr.Tracker) -> LoopFilter:
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    ("bandwidth", "ratio"),
-    [(250.0, 4.0), (500.0, 2.0), (1000.0, 1.0)],
-)
+@pytest.mark.parametrize(("bandwidth", "ratio"), [(250.0, 4.0), (500.0, 2.0), (1000.0, 1.0)])
 def test_the_phase_margin_moves_with_the_bandwidth_as_predicted(bandwidth: float, ratio: float) -> None:
     """The pole against ripple stays at 1 kHz. At resonance the margin is 90° less what that pole takes."""
     chosen = free(bandwidth, ratio)
@@ -279,11 +277,8 @@ def bridged(duration: float, *supply: tuple[float, float]) -> dict[str, Any]:
         chosen, 3, propose_filter(chosen, lag), driver, Disturbances(dips or (events.Disturbance(kind="start"),))
     )
     vectors = ["v(vp_a)", "v(vn_a)", "v(tuned)", "v(force)", "v(ahead)", "i(v.xmotor.xmode4.vvelocity)"]
-    return (
-        Point(flagship, source, pr.Load(None), law_of("spring-slider", flagship.law), Solver())
-        .run(duration, vectors)
-        .vectors()
-    )
+    setup = Point(flagship, source, pr.Load(None), law_of("spring-slider", flagship.law), Solver())
+    return setup.run(duration, vectors).vectors()
 
 
 def lead(found: dict[str, Any], begin: float, end: float) -> float:
@@ -308,6 +303,19 @@ def test_a_loop_behind_a_bridge_keeps_lock_through_a_dip_of_the_supply() -> None
     span = np.interp([4.9e-3, 7.9e-3, 11.9e-3], found["time"], found["v(vp_a)"] - found["v(vn_a)"])
     assert span[1:] / span[0] == pytest.approx([0.6, 1.0], rel=1e-3)
     assert [lead(found, at - 0.5e-3, at) for at in (5e-3, 8e-3, 12e-3)] == pytest.approx([0.0] * 3, abs=20.0)
+
+
+def test_the_filters_behind_a_bridge_are_those_of_the_loop_gain() -> None:
+    driver = pr.Driver(kind="half-bridge", voltage=62.0, frequency=40e3)
+    source = TrackedSource(drive("pll", frequency=40e3), 1, LoopFilter(1e5, 1e-9, 1e-10), driver)
+    circuit = Circuit("low-pass filters")
+    circuit.raw_spice += "Vmotional motional 0 AC 1\nVforce force 0 AC 1\n"
+    names = [f"v({name})" for name in source._add_low_passes(circuit)]
+    sweep = {"variation": "lin", "number_of_points": 4, "start_frequency": 40e3, "stop_frequency": 160e3}
+    found = run_bench(Bench(circuit, AC_OPTIONS), names, None, "ac", sweep).phasors()
+    for name, rate in zip(names, (0.0, 0.0, 1.0), strict=True):  # the last is the rate, over 2π 40 kHz
+        passed = found[name] / (1j * found["frequency"].real / 40e3) ** rate
+        assert passed == pytest.approx(source.low_pass(found["frequency"].real), rel=1e-6)
 
 
 # --- refusals, files, the command ----------------------------------------------------------------------------
