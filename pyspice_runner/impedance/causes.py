@@ -11,14 +11,14 @@ by the errors of the fits and the tolerances of manufacture, the logarithm of th
     - \tfrac12 \ln |2\pi\Sigma| - \tfrac12 \ln |1 + \Lambda G^T \Sigma^{-1} G|, \qquad G = \partial g/\partial x
 
 by Laplace's approximation (D. J. C. MacKay, *Information Theory, Inference, and Learning Algorithms*, Cambridge 2003,
-chapter 28). A size of one sign counts twice with the share of its posterior that has this sign; one that has the wrong
-sign by more than its error explains nothing.
+chapter 28). A size of one sign counts twice with the share of its posterior that has this sign.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import atan, exp, expm1, inf, log, pi
 from typing import Any, NamedTuple
 
@@ -344,8 +344,6 @@ class Judge:
         posterior = np.linalg.inv(fit.jac.T @ fit.jac)
         error = np.sqrt(np.diag(posterior))
         evidence += 0.5 * float(np.linalg.slogdet(posterior)[1]) - float(fit.cost)
-        if np.any(sides * fit.x < -error):  # no explanation
-            return -inf, ()
         evidence += float(np.sum(np.where(sides != 0, log(2.0) + log_ndtr(sides * fit.x / error), 0.0)))
         found = zip(sizes, fit.x * spread, error * spread, strict=True)
         return evidence, tuple(size.shown(value, deviation) for size, value, deviation in found)
@@ -383,7 +381,9 @@ class Judge:
     def _hypotheses(self, at: list[int]) -> Iterator[tuple[str, float, list[_Size]]]:
         """Yield causes, shares of them and their sizes, whose spreads are assumed as such faults are in practice."""
         part, one = self.part, self._one
-        sets = [(1.0 / len(at), [mode]) for mode in at] + [(1.0, at)] * (len(at) > 1)
+        # a place of the body or the ceramic is at a node of some modes: each number of modes is as likely
+        subsets = (combinations(at, count) for count in range(1, len(at) + 1))
+        sets = [(2.0 / len(at) / len(own), list(modes)) for own in map(list, subsets) for modes in own]
         for array, side in (("mass", 1), ("stiffness", -1)):
             for share, modes in sets:
                 named = [(f"modal {array} of {self.names[mode]}", one(array, mode)) for mode in modes]

@@ -11,6 +11,10 @@ needs one mechanical measurement, a modal mass or the velocity of the tip per mo
 two-port Y_AA, Y_BB and Y_AB) are fitted together by least squares weighted with their estimated errors. The start is
 the fit of Y_AA + Y_BB, which shows every mode. Modes beside the band are added where they improve the fit, and leads in
 series with the groups, Y = (Y⁻¹ + Z)⁻¹ with Z = diag(R_A + sL_A, R_B + sL_B), where Schwarz's criterion asks for them.
+
+Losses that couple modes, as those of a contact, make the residue of a pole complex: θ + (s/ω_n + 1/2Q_n) ψ stands for
+θ, to first order in ψ. A series resistance does the same, with ψ = −ω_n C R θ, so that the errors contain resistances
+that turn the modes as much as ψ does.
 """
 
 from __future__ import annotations
@@ -45,7 +49,7 @@ from pyspice_runner.units import engineering, unit_in
 _TRANSFER = "AB"  # current into A per volt on B
 _GLOBALS = 8  # ln C_A, ln C_B, tan δ, C_AB, R and L of the leads of both groups
 _RESISTANCES, _INDUCTANCES, _LEADS = [4, 5], [6, 7], [4, 5, 6, 7]
-_PER_MODE = 4  # ln f, ln Q, couplings to A and B
+_PER_MODE = 6  # ln f, ln Q, couplings θ to A and B, and ψ to both
 _VALUES = ("series_resonance_hz", "quality_factor", "coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
 _PIEZO = ("capacitance_a_f", "capacitance_b_f", "loss_tangent", "capacitance_ab_f")
 _LEAD_NAMES = "resistance_a_ohm", "resistance_b_ohm", "inductance_a_h", "inductance_b_h"
@@ -58,6 +62,7 @@ _FIRST_LEAD, _MOST_RESISTANCE = 0.01, 1.0  # of leads, to start from and the lar
 # Of 1/Q of the broadest strong mode: a contact, whose losses couple modes, resembles leads that turn the modes by up to
 # 0.2 of it in spectra of the pressed bimodal40, plate40 and andersen2002.
 _LEAST_TURN = 0.3
+_STRONG = 0.5  # of the largest coupling, assumed: a weaker mode may be one that stands for losses
 _AT_LIMIT = 1e-6  # relative distance from the end of the band, below which such a mode is at its limit
 _SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and 0
 
@@ -288,11 +293,10 @@ def fit_groups(
                 "A-B."
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
-    problem = _Problem(ports, noise, source or "The spectra")
-    search = modes, timeout, progress
-    parameters = problem.solved(*search)
-    if leads:
-        problem, parameters = problem.with_leads(parameters, *search)
+    problem = _Problem(ports, noise, modes, timeout, progress)
+    problem, parameters = problem.explained(problem.solved(), leads)
+    if modes is None and len(parameters) == _GLOBALS + _PER_MODE and problem.doubtful(parameters) is not None:
+        raise SpectrumError(f"{source or 'The spectra'} show no mode that is significant under their error.")
     return _report(problem, parameters, shown, source or "spectra", cautions)
 
 
@@ -316,8 +320,8 @@ def clamped(loss_tangent: float, frequency_hz: Vector, branches: int | None = No
 class _Problem:
     """The joint least-squares problem of several connections, in units of its own."""
 
-    def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None, source: str = "") -> None:
-        self.ports, self.source = ports, source
+    def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None, *search: Any) -> None:
+        self.ports, self.search = ports, search  # number of modes, time limit in s, and progress, as of one port
         self.branches: int | None = None  # of the loss, one of _LOSSES
         first, second = ports["A"], ports["B"]
         self.low = max(first.frequency_hz[0], second.frequency_hz[0])
@@ -325,7 +329,8 @@ class _Problem:
         self.reference_hz = sqrt(self.low * self.high)
         self.unit_s = float(np.median(np.abs(first.admittance_s)))
         self.unit_henry = 1.0 / (2.0 * pi * self.reference_hz * self.unit_s)
-        self.leads, self.free = np.zeros(len(_LEADS)), np.zeros(len(_LEADS), bool)  # their start; which are fitted
+        self.leads = np.zeros(len(_LEADS))  # to start from
+        self.with_leads = self.coupled = False  # whether leads are fitted; whether losses couple the modes in the band
         self.count = sum(len(spectrum) for spectrum in ports.values())
         self.noise = {name: noise_of(noise, spectrum.admittance_s) for name, spectrum in ports.items()}
         self.deviation = {name: self._deviation(name, spectrum.admittance_s) for name, spectrum in ports.items()}
@@ -334,8 +339,8 @@ class _Problem:
         """Return the deviation of an admittance at all points, in the unit of this problem."""
         return np.maximum(self.noise[name].deviation(smooth_s), FINEST * np.abs(smooth_s)) / self.unit_s
 
-    def weigh(self, parameters: Vector) -> None:
-        """Take the deviations at the fitted admittances, and the errors of measurement from the residuals."""
+    def reweighted(self, parameters: Vector) -> Vector:
+        """Descend with deviations at the fitted admittances and errors of measurement from the residuals."""
         for name, spectrum in self.ports.items():
             measured = spectrum.admittance_s
             fitted = self.model(parameters, name, spectrum.frequency_hz)[0] * self.unit_s
@@ -343,36 +348,31 @@ class _Problem:
             white = independent_points(residuals / fitted) > 0.5 * len(measured)
             self.noise[name] = self.noise[name].refined(fitted, residuals, white, fitted)
             self.deviation[name] = self._deviation(name, fitted)
+        return self.descend(parameters)
 
     def descend(self, start: Vector) -> Vector:
         """Descend from start values to the nearest minimum."""
         return descent.descend(self.normal_equations, start, self.bounds(start), self.reach)[0]
 
-    def solved(self, modes: int | None, timeout: float | None, progress: Progress | None) -> Vector:
+    def solved(self) -> Vector:
         """Return the solution with the significant modes in the band and beside it."""
-        parameters = self.lossy(self.start(modes, timeout, progress))
-        self.weigh(parameters)
-        parameters = self.descend(parameters)
-        while modes is None and (doubtful := self.doubtful(parameters)) is not None:
-            if len(parameters) == _GLOBALS + _PER_MODE:
-                raise SpectrumError(f"{self.source} show no mode that is significant under their error.")
+        parameters = self.lossy(self.start())
+        most = _GLOBALS + _PER_MODE  # a last mode may be hidden by leads
+        while not self.search[0] and len(parameters) > most and (doubtful := self.doubtful(parameters)) is not None:
             parameters = self.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
         for above in (False, True):
             parameters = self.with_neighbour(parameters, above=above)
-        if np.any(self.sides(parameters) != 1):  # they have distorted the choice of the loss
-            parameters = self.lossy(parameters)
-            self.weigh(parameters)
-            parameters = self.descend(parameters)
-        return parameters
+        # modes beside the band have distorted the choice of the loss
+        return self.lossy(parameters) if np.any(self.sides(parameters) != 1) else parameters
 
     def lossy(self, start: Vector) -> Vector:
-        """Descend with each description of the loss; keep the one that fits best and return its parameters."""
+        """Return the solution with the description of the loss that fits best, which is kept."""
         found = []
         for self.branches in _LOSSES:
             parameters = self.descend(start)
             found.append((self.normal_equations(parameters)[0], parameters, self.branches))
         _, parameters, self.branches = min(found, key=lambda one: one[0])
-        return parameters
+        return self.reweighted(parameters)
 
     def independent(self, parameters: Vector) -> float:
         """Return the number of independent points of all connections."""
@@ -385,7 +385,17 @@ class _Problem:
         variance = descent.variance(cost, self.count, len(free), self.independent(parameters), stated)
         covariance = np.zeros_like(hessian)
         covariance[np.ix_(free, free)] = descent.inverse(hessian[np.ix_(free, free)]) * variance
-        return covariance
+        others, moved = np.setdiff1d(free, _RESISTANCES), np.eye(len(parameters))[:, _RESISTANCES]
+        # with a resistance that the losses resemble, all values move
+        moved[others] = -descent.inverse(hessian[np.ix_(others, others)]) @ hessian[others][:, _RESISTANCES]
+        moved = moved * self.resembled(parameters)
+        return covariance + moved @ moved.T
+
+    def resembled(self, parameters: Vector) -> Vector:
+        """Return the series resistances of both groups that turn the modes in the band as their coupled losses do."""
+        _, log_quality, *couplings = parameters[_GLOBALS:].reshape(-1, _PER_MODE)[self.sides(parameters) == 1].T
+        theta, turned = (np.linalg.norm(np.exp(0.5 * log_quality) * part) for part in (couplings[:2], couplings[2:]))
+        return np.asarray(turned / theta * np.exp(-parameters[:2]))
 
     def doubtful(self, parameters: Vector) -> int | None:
         """Return the place of the least certain mode, if it is not significant."""
@@ -400,7 +410,7 @@ class _Problem:
         worst, place = max(doubts)
         return place if worst > UNDETERMINED else None
 
-    def start(self, modes: int | None, timeout: float | None, progress: Progress | None) -> Vector:
+    def start(self) -> Vector:
         """Fit Y_AA + Y_BB, which shows every mode, and divide each arm between the groups by the other connections."""
         first = self.ports["A"].between(self.low, self.high)
         frequency = first.frequency_hz
@@ -410,6 +420,7 @@ class _Problem:
             y / (1.0 - r * y / self.unit_s) for r, y in ((self.leads[0], first.admittance_s), (self.leads[1], second))
         )
         trace = Spectrum.from_admittance(frequency, a + b, source="The sum of A and B")
+        modes, timeout, progress = self.search
         fit = fit_one_port(trace, modes, leads=False, timeout=timeout, progress=progress)
         start = np.zeros(_GLOBALS)
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
@@ -430,43 +441,60 @@ class _Problem:
         neighbours = [self._divided([*arms, (place, _QUALITY_OUTSIDE)])[-_PER_MODE:] for place in places]
         found = [self.descend(np.append(parameters, one)) for one in neighbours]
         more = min(found, key=lambda one: self.normal_equations(one)[0])
-        if self.gain(more, self, parameters) < 0.0 or self.sides(more)[-1] == 1:
-            return parameters
-        self.weigh(more)
-        return self.descend(more)
+        outside = self.gain(more, self, parameters) >= 0.0 and self.sides(more)[-1] != 1
+        return self.reweighted(more) if outside else parameters
 
-    def with_leads(self, parameters: Vector, *search: Any) -> tuple[_Problem, Vector]:
-        """Return the problem with leads and its solution, if the data ask for them; or with resistances alone.
+    def explained(self, parameters: Vector, leads: bool) -> tuple[_Problem, Vector]:
+        """Return the problem with leads, coupled losses or both, if the data ask for them, and its solution."""
+        behind = self.behind_leads(parameters) if leads else (self, parameters)
+        best = behind if behind[0].has_leads(behind[1], self, parameters) else (self, parameters)
+        coupled = best[0].with_coupled_losses(best[1])
+        if coupled[0].gain(coupled[1], *best) <= _TIE:
+            return best
+        behind = behind[0].with_coupled_losses(behind[1])
+        return behind if behind[0].has_leads(behind[1], *coupled) else coupled
 
-        An inductance moves the resonances though the data hardly show it: the errors contain it.
-        """
-        for places in (_LEADS, _RESISTANCES):
-            other = copy(self)
-            other.noise, other.deviation, other.free = dict(self.noise), dict(self.deviation), np.isin(_LEADS, places)
-            start = parameters.copy()
-            start[places] = _FIRST_LEAD
-            start[_INDUCTANCES] = 0.0
-            found = other.descend(start)
-            better = other.gain(found, self, parameters) > _TIE
-            if better or not self.white(parameters):
-                # leads may have hidden a mode, divided one, or led nowhere from a fit that follows nothing
-                other.leads = (found if better else start)[_LEADS]
-                with suppress(SpectrumError):
-                    found = other.solved(*search)
-                for at in reversed(range(_GLOBALS, len(found), _PER_MODE) if search[0] is None else ()):
-                    fewer = other.descend(np.delete(found, np.s_[at : at + _PER_MODE]))
-                    found = fewer if other.gain(fewer, other, found) > 0.0 else found
-            _, log_quality, *theta = found[_GLOBALS:].reshape(-1, _PER_MODE).T
-            strong = np.hypot(*theta) > 0.5 * np.hypot(*theta).max(initial=0.0)
-            # leads turn the modes by 2ωRC, and losses that couple modes by a share of 1/Q
-            turned = 2.0 * found[_LEADS] * np.exp(np.tile(found[:2], 2))
-            inside = found[_LEADS] < other.bounds(found)[1][_LEADS]
-            large = np.max(turned) * np.exp(log_quality[strong].min(initial=inf)) > _LEAST_TURN and np.all(
-                inside[: len(_RESISTANCES)]
-            )
-            if large and other.white(found) and other.gain(found, self, parameters) > _TIE:
-                return other, found
-        return self, parameters
+    def behind_leads(self, parameters: Vector) -> tuple[_Problem, Vector]:
+        """Return the problem with leads, and its solution from one without."""
+        other, start = self.copied(with_leads=True), parameters.copy()
+        start[_RESISTANCES] = _FIRST_LEAD
+        found = other.descend(start)
+        better = other.gain(found, self, parameters) > _TIE
+        if better or not self.white(parameters):
+            # leads may have hidden a mode, divided one, or led nowhere from a fit that follows nothing
+            other.leads = (found if better else start)[_LEADS]
+            with suppress(SpectrumError):
+                found = other.solved()
+            found = other.pruned(found)
+        return other, found
+
+    def with_coupled_losses(self, parameters: Vector) -> tuple[_Problem, Vector]:
+        """Return the problem with losses that couple the modes, and its solution from one without."""
+        other = self.copied(coupled=True)
+        return other, other.reweighted(other.pruned(other.descend(parameters)))
+
+    def copied(self, **changes: Any) -> _Problem:
+        """Return a copy with other fields and weights of its own."""
+        other = copy(self)
+        vars(other).update(changes, noise=dict(self.noise), deviation=dict(self.deviation))
+        return other
+
+    def pruned(self, parameters: Vector) -> Vector:
+        """Return the solution without the modes for which Schwarz's criterion does not ask, if their number is free."""
+        for at in () if self.search[0] else reversed(range(_GLOBALS, len(parameters), _PER_MODE)):
+            fewer = self.descend(np.delete(parameters, np.s_[at : at + _PER_MODE]))
+            parameters = fewer if self.gain(fewer, self, parameters) > 0.0 else parameters
+        return parameters
+
+    def has_leads(self, parameters: Vector, rival: _Problem, others: Vector) -> bool:
+        """Whether the leads of a solution that resembles noise are needed and turn the modes by enough."""
+        _, log_quality, *couplings = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T
+        strong = np.hypot(*couplings[:2]) > _STRONG * np.hypot(*couplings[:2]).max(initial=0.0)
+        # leads turn the modes by 2ωRC, and losses that couple modes by a share of 1/Q
+        turned = 2.0 * parameters[_LEADS] * np.exp(np.tile(parameters[:2], 2))
+        inside = parameters[_RESISTANCES] < self.bounds(parameters)[1][_RESISTANCES]
+        large = np.max(turned) * np.exp(log_quality[strong].min(initial=inf)) > _LEAST_TURN
+        return bool(large and np.all(inside) and self.white(parameters) and self.gain(parameters, rival, others) > _TIE)
 
     def white(self, parameters: Vector) -> bool:
         """Whether the residuals resemble noise: most of the points are independent."""
@@ -478,7 +506,8 @@ class _Problem:
         rival = copy(rival)
         rival.deviation = self.deviation
         ratio = rival.normal_equations(others)[0] / max(self.normal_equations(parameters)[0], exact)
-        more = len(parameters) - len(others) + int(np.sum(self.free)) - int(np.sum(rival.free))
+        more = np.count_nonzero(np.diff(self.bounds(parameters), axis=0))
+        more -= np.count_nonzero(np.diff(rival.bounds(others), axis=0))
         return 2.0 * points * log(ratio) - more * log(2.0 * points)
 
     def sides(self, parameters: Vector) -> NDArray[np.intp]:
@@ -497,7 +526,7 @@ class _Problem:
                 alike = size[_TRANSFER][index]
             else:
                 alike = size["A+B"][index] - total if "A+B" in size else total - size["A-B"][index]
-            found += [log(frequency), log(quality), a, b if alike >= 0.0 else -b]
+            found += [log(frequency), log(quality), a, b if alike >= 0.0 else -b, 0.0, 0.0]
         return np.array(found)
 
     def _amplitudes(self, connection: str, arms: Sequence[tuple[float, float]]) -> Vector:
@@ -515,12 +544,13 @@ class _Problem:
     def bounds(self, start: Vector) -> tuple[Vector, Vector]:
         """Return the minimum and maximum of every parameter."""
         ends = np.log(np.array([self.low / _FARTHEST, self.low, self.high, _FARTHEST * self.high]) / self.reference_hz)
-        most = np.repeat([_MOST_RESISTANCE, PLAUSIBLE_LEADS[1] / self.unit_henry], 2)
-        lower = [-25.0, -25.0, 1e-9, -np.inf, *np.where(self.free, 0.0, self.leads)]
-        upper = [25.0, 25.0, LARGEST_LOSS_TANGENT, np.inf, *np.where(self.free, most, self.leads)]
+        most = self.with_leads * np.repeat([_MOST_RESISTANCE, PLAUSIBLE_LEADS[1] / self.unit_henry], 2)
+        lower = [-25.0, -25.0, 1e-9, -inf, 0.0, 0.0, 0.0, 0.0]
+        upper = [25.0, 25.0, LARGEST_LOSS_TANGENT, inf, *most]
         for side in self.sides(start):
-            lower += [ends[side], log(0.6), -np.inf, -np.inf]
-            upper += [ends[side + 1], log(1e6), np.inf, np.inf]
+            turn = inf if self.coupled and side == 1 else 0.0
+            lower += [ends[side], log(0.6), -inf, -inf, -turn, -turn]
+            upper += [ends[side + 1], log(1e6), inf, inf, turn, turn]
         return np.array(lower), np.array(upper)
 
     def reach(self, parameters: Vector) -> Vector:
@@ -544,15 +574,17 @@ class _Problem:
         plates = unit * (np.diag(np.exp(parameters[:2])) + parameters[3] * (np.eye(2) - 1.0))
         log_frequency, log_quality, *theta = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
         frequency, quality = np.exp(log_frequency), np.exp(log_quality)
+        turn = 1j * w / frequency + 0.5 / quality
+        theta = [theta[group] + turn * theta[group + 2] for group in (0, 1)]
         shape = 1.0 / (1.0 / quality + 1j * (w / frequency - frequency / w))
         ahead = parameters[_RESISTANCES, None] + 1j * w * parameters[_INDUCTANCES, None]
-        device = plates[:, :, None] * shape_of_loss + np.einsum("imx,jmx,mf->ijf", theta, theta, shape)
+        device = plates[:, :, None] * shape_of_loss + np.einsum("imf,jmf,mf->ijf", theta, theta, shape)
         a, b = into + 0j, driven + 0j
         if ahead.any():
             behind = np.linalg.inv(np.eye(2) + np.moveaxis(ahead[:, None] * device, -1, 0))
             a, b = (np.moveaxis(behind @ weights, 0, -1)[:, 0] for weights in (into, driven))
         currents = [np.einsum("ijf,jf->if", device, np.broadcast_to(one, (2, len(w)))) for one in (a, b)]
-        first, second = (np.tensordot(np.array(theta)[:, :, 0], one, (0, 0)) for one in (a, b))
+        first, second = (np.einsum("imf,if->mf", theta, np.broadcast_to(one, (2, len(w)))) for one in (a, b))
         product = first * second
         jacobian = np.empty((len(parameters), len(w)), dtype=complex)
         jacobian[:2] = np.diag(plates)[:, None] * shape_of_loss * a * b
@@ -564,6 +596,7 @@ class _Problem:
         jacobian[_GLOBALS + 1 :: _PER_MODE] = product * shape**2 / quality
         for group in (0, 1):
             jacobian[_GLOBALS + 2 + group :: _PER_MODE] = (a[group] * second + b[group] * first) * shape
+            jacobian[_GLOBALS + 4 + group :: _PER_MODE] = turn * jacobian[_GLOBALS + 2 + group :: _PER_MODE]
         return np.asarray(np.sum(into * currents[1], axis=0)), jacobian
 
     def linearised(self, parameters: Vector, connection: str) -> tuple[Complexes, Complexes]:
@@ -589,13 +622,13 @@ def _report(
     deviation = np.sqrt(np.maximum(np.diag(problem.covariance(parameters)), 0.0))
     rows = zip(*(values[_GLOBALS:].reshape(-1, _PER_MODE) for values in (parameters, deviation)), strict=True)
     modes = []
-    for ((log_frequency, log_quality, a, b), error), side in zip(rows, problem.sides(parameters), strict=True):
+    for ((log_frequency, log_quality, a, b, *_), error), side in zip(rows, problem.sides(parameters), strict=True):
         if side != 1:
             continue
         frequency, quality = float(np.exp(log_frequency)) * problem.reference_hz, float(np.exp(log_quality))
         scale = sqrt(problem.unit_s * 2.0 * pi * frequency)  # θ²/m is ω over the reactance
         signed = -scale if a < 0.0 else scale
-        standard_errors = dict(zip(_VALUES, (error * [frequency, quality, scale, scale]).tolist(), strict=True))
+        standard_errors = dict(zip(_VALUES, (error[:4] * [frequency, quality, scale, scale]).tolist(), strict=True))
         modes.append(TwoPortMode(frequency, quality, float(a) * signed, float(b) * signed, standard_errors))
     unit = problem.unit_s / (2.0 * pi * problem.reference_hz)
     if problem.branches == 0:  # from the band to 100 kHz, by the dispersion of a motor
@@ -605,15 +638,17 @@ def _report(
         )
         unit *= flat / falling
     capacitances = np.exp(parameters[:2]) * unit
-    to_si, count = np.repeat([1.0 / problem.unit_s, problem.unit_henry], 2), np.count_nonzero(problem.free)
-    leads, spread = (
-        dict(zip(_LEAD_NAMES[:count], (to_si * row[_LEADS]).tolist(), strict=False)) for row in (parameters, deviation)
-    )
+    to_si, names = np.repeat([1.0 / problem.unit_s, problem.unit_henry], 2), _LEAD_NAMES if problem.with_leads else ()
+    leads, spread = (dict(zip(names, (to_si * row[_LEADS]).tolist(), strict=False)) for row in (parameters, deviation))
     most = max([*leads.values()][:2], default=0.0)  # resistance
     if most > PLAUSIBLE_LEADS[0]:
         ohm, limit = (engineering(value, "Ω") for value in (most, PLAUSIBLE_LEADS[0]))
         caution = f"A group has {ohm} in series, more than the {limit} of a fixture: check its joints."
         cautions = [*cautions, f"{caution} The modes are those behind it."]
+    if problem.coupled:
+        ohm = engineering(float(np.max(problem.resembled(parameters))) / problem.unit_s, "Ω")
+        caution = "The losses couple the modes, as those of a contact do, which a resistance in front of each group"
+        cautions = [*cautions, f"{caution} resembles: the errors contain {ohm}."]
     worst = max(errors.values())
     if worst > FINEST and not problem.white(parameters):
         cautions = [*cautions, misfit("The modes do not follow the spectra", worst, "up to ")]

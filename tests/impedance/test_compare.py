@@ -310,6 +310,16 @@ def test_the_cause_of_a_fault_is_named_by_both_groups_and_by_one(state: str, tmp
         assert "Most probable causes" in {ax.get_title() for ax in trend.plot().figure.axes}
 
 
+def test_a_crack_that_moves_two_of_three_modes_is_one_in_the_body() -> None:
+    """The third mode is stiffer, within the tolerances of manufacture: no crack does that, and none has to."""
+    motor = pr.load_motor("bimodal40")
+    changed = {f"modes.{mode}.stiffness_n_per_m": share for mode, share in ((1, 1.005), (2, 0.946), (3, 0.923))}
+    cracked = pr.admittance(faults.scaled(motor, changed), start=35e3, stop=44e3, points=900)
+    spectrum = pr.Spectrum.from_admittance(cracked.frequency_hz, cracked.matrix_s).driven("A")
+    first = one(spectrum, motor).diagnosis.causes[0]
+    assert (first.name, first.probability > 0.9) == (causes.BODY, True)
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize("name", ["plate40", "andersen2002"])
 def test_drawn_faults_are_named(name: str) -> None:
