@@ -155,7 +155,8 @@ TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol":
 # The edges of a bridge have no points of their own here. Where its low transistor takes the current from the other body
 # diode, that breaks off by amperes, and an error of 3e-15 C would take steps of femtoseconds, in which rounding rules.
 # 1e-13 C (reltol times chgtol) are nothing against the nanocoulombs of a gate; ngspice takes xtrtol where it counts
-BRIDGE_OPTIONS = {**SWITCHED_OPTIONS, "abstol": "3e-6", "chgtol": "1e-9", "trtol": "7", "xtrtol": "7"}
+# Where the detector sees an edge while a transistor conducts amperes, Newton's method may not come to 1e-5 V
+BRIDGE_OPTIONS = {**SWITCHED_OPTIONS, "vntol": "1e-4", "abstol": "3e-6", "chgtol": "1e-9", "trtol": "7", "xtrtol": "7"}
 ROUNDING = 1e-9  # relative, of times
 STEP_TIME = 0.2e-3  # s, rise time of a step of load, preload or supply: short for the loop, long for the modes
 _NO_COPY = 1e-6  # of a clamped capacitance, where its current is sensed as well
@@ -715,14 +716,14 @@ Helectrode motional 0 Velectrode -1
 
     def _add_low_passes(self, circuit: Circuit) -> tuple[str, ...]:
         """Add these filters; return their outputs. The rate of the force is in phase with the current of its filter."""
-        unit = 0.5 / pi / self.tracker.frequency  # H and F, of 1 Ω at the corner, as the resistor: Q is 1
+        omega, ohm = 2.0 * pi * self.tracker.frequency, 1e3  # of all parts at the corner: Q is 1; amperes stall ngspice
         circuit.raw_spice += "* equal low-pass filters against harmonics of the bridge\n"
         for name in ("motional", "force"):
             circuit.raw_spice += f"""\
 E{name} {name}_in 0 {name} 0 1
-R{name} {name}_in {name}_coil 1
-L{name} {name}_coil {name}_low {unit!r} ic=0
-C{name} {name}_low 0 {unit!r} ic=0
+R{name} {name}_in {name}_coil {ohm!r}
+L{name} {name}_coil {name}_low {ohm / omega!r} ic=0
+C{name} {name}_low 0 {1.0 / (omega * ohm)!r} ic=0
 """
         circuit.raw_spice += "Eahead ahead_low 0 force_in force_coil 1\n"
         return "motional_low", "force_low", "ahead_low"
