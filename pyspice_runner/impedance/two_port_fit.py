@@ -64,7 +64,7 @@ _FIRST_LEAD, _MOST_RESISTANCE = 0.01, 1.0  # of leads, to start from and the lar
 _LEAST_TURN = 0.3
 _STRONG = 0.5  # of the largest coupling, assumed: a weaker mode may be one that stands for losses
 _AT_LIMIT = 1e-6  # relative distance from the end of the band, below which such a mode is at its limit
-_SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and 0
+_SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups or leads below are chance in 399 of 400 spectra
 
 
 @dataclass(frozen=True)
@@ -446,13 +446,14 @@ class _Problem:
 
     def explained(self, parameters: Vector, leads: bool) -> tuple[_Problem, Vector]:
         """Return the problem with leads, coupled losses or both, if the data ask for them, and its solution."""
-        behind = self.behind_leads(parameters) if leads else (self, parameters)
-        best = behind if behind[0].has_leads(behind[1], self, parameters) else (self, parameters)
+        plain = self, parameters
+        behind = self.behind_leads(parameters) if leads else plain
+        best = behind if behind[0].has_leads(behind[1], *plain) else plain
         coupled = best[0].with_coupled_losses(best[1])
         if coupled[0].gain(coupled[1], *best) <= _TIE:
             return best
-        behind = behind[0].with_coupled_losses(behind[1])
-        return behind if behind[0].has_leads(behind[1], *coupled) else coupled
+        plain, behind = (problem.with_coupled_losses(found) for problem, found in (plain, behind))
+        return behind if behind[0].has_leads(behind[1], *plain) else plain
 
     def behind_leads(self, parameters: Vector) -> tuple[_Problem, Vector]:
         """Return the problem with leads, and its solution from one without."""
@@ -487,14 +488,17 @@ class _Problem:
         return parameters
 
     def has_leads(self, parameters: Vector, rival: _Problem, others: Vector) -> bool:
-        """Whether the leads of a solution that resembles noise are needed and turn the modes by enough."""
+        """Whether leads of a solution that resembles noise are needed and significant, and turn the modes by enough."""
         _, log_quality, *couplings = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T
         strong = np.hypot(*couplings[:2]) > _STRONG * np.hypot(*couplings[:2]).max(initial=0.0)
         # leads turn the modes by 2ωRC, and losses that couple modes by a share of 1/Q
         turned = 2.0 * parameters[_LEADS] * np.exp(np.tile(parameters[:2], 2))
         inside = parameters[_RESISTANCES] < self.bounds(parameters)[1][_RESISTANCES]
         large = np.max(turned) * np.exp(log_quality[strong].min(initial=inf)) > _LEAST_TURN
-        return bool(large and np.all(inside) and self.white(parameters) and self.gain(parameters, rival, others) > _TIE)
+        if not (large and np.all(inside) and self.white(parameters) and self.gain(parameters, rival, others) > _TIE):
+            return False
+        error = np.sqrt(np.diag(self.covariance(parameters))[_RESISTANCES])
+        return bool(np.any(parameters[_RESISTANCES] > _SIGNIFICANT * error))
 
     def white(self, parameters: Vector) -> bool:
         """Whether the residuals resemble noise: most of the points are independent."""
