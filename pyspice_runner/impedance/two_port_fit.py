@@ -341,6 +341,7 @@ class _Problem:
 
     def reweighted(self, parameters: Vector) -> Vector:
         """Descend with deviations at the fitted admittances and errors of measurement from the residuals."""
+        self.noise, self.deviation = dict(self.noise), dict(self.deviation)  # copies of the problem share them
         for name, spectrum in self.ports.items():
             measured = spectrum.admittance_s
             fitted = self.model(parameters, name, spectrum.frequency_hz)[0] * self.unit_s
@@ -416,9 +417,8 @@ class _Problem:
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
         # each behind its own resistance, as far as the other group's does not matter
-        a, b = (
-            y / (1.0 - r * y / self.unit_s) for r, y in ((self.leads[0], first.admittance_s), (self.leads[1], second))
-        )
+        pairs = zip(self.leads[:2], (first.admittance_s, second), strict=True)
+        a, b = (y / (1.0 - r * y / self.unit_s) for r, y in pairs)
         trace = Spectrum.from_admittance(frequency, a + b, source="The sum of A and B")
         modes, timeout, progress = self.search
         fit = fit_one_port(trace, modes, leads=False, timeout=timeout, progress=progress)
@@ -457,8 +457,8 @@ class _Problem:
 
     def behind_leads(self, parameters: Vector) -> tuple[_Problem, Vector]:
         """Return the problem with leads, and its solution from one without."""
-        other, start = self.copied(with_leads=True), parameters.copy()
-        start[_RESISTANCES] = _FIRST_LEAD
+        other, start = copy(self), parameters.copy()
+        other.with_leads, start[_RESISTANCES] = True, _FIRST_LEAD
         found = other.descend(start)
         better = other.gain(found, self, parameters) > _TIE
         if better or not self.white(parameters):
@@ -471,14 +471,9 @@ class _Problem:
 
     def with_coupled_losses(self, parameters: Vector) -> tuple[_Problem, Vector]:
         """Return the problem with losses that couple the modes, and its solution from one without."""
-        other = self.copied(coupled=True)
-        return other, other.reweighted(other.pruned(other.descend(parameters)))
-
-    def copied(self, **changes: Any) -> _Problem:
-        """Return a copy with other fields and weights of its own."""
         other = copy(self)
-        vars(other).update(changes, noise=dict(self.noise), deviation=dict(self.deviation))
-        return other
+        other.coupled = True
+        return other, other.reweighted(other.pruned(other.descend(parameters)))
 
     def pruned(self, parameters: Vector) -> Vector:
         """Return the solution without the modes for which Schwarz's criterion does not ask, if their number is free."""
