@@ -303,7 +303,7 @@ def test_intervals_hold_behind_leads(name: str, ohms: tuple[float, ...]) -> None
 def test_a_resistance_in_front_of_a_pressed_stator_is_within_its_interval(name: str) -> None:
     """The contact couples the modes, as a resistance does; without that a fit is off by 5 to 24 errors."""
     low, high = faults.MOTORS[name][2]
-    swept = pr.admittance(faults.motor(name), start=low, stop=high, points=500, state="preloaded")
+    swept = pr.admittance(faults.motor(name), start=low, stop=high, points=250, state="preloaded")
     matrix = np.linalg.inv(np.linalg.inv(swept.matrix_s) + 114.0 * np.eye(2))
     fit = pr.fit_spectrum(with_noise(swept.frequency_hz, matrix, 1e-3, 1))
     ohms, errors = (np.array([*one.values()][:2]) for one in (fit.leads, fit.lead_standard_errors))
@@ -320,7 +320,7 @@ def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spe
     assert problem.doubtful(invented) == len(fitted)
 
 
-@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize("flat", mostly(pytest.mark.soak, [False, True], [True]))
 def test_intervals_hold_with_and_without_the_dispersion_of_the_loss(flat: bool) -> None:
     f = np.linspace(36e3, 46e3, 400)
     s, deviations = 2j * np.pi * f, []
