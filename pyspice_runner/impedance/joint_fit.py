@@ -255,12 +255,11 @@ def amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing:
         (softer**2 + square * growing**2) * linear**3,
         2.0 * (square * growing - detuning * softer) * linear**2,
         np.ones_like(detuning),
-        -np.ones_like(detuning),
     ])  # fmt: skip
     companion = np.zeros((len(detuning), 3, 3))
     companion[:, 1, 0] = companion[:, 2, 1] = 1.0
     # of 1/A, whose equation keeps its degree where the law is linear
-    companion[:, :, 2] = np.stack([cubic[0], cubic[1], cubic[2]], axis=1)
+    companion[:, :, 2] = cubic.T
     roots = np.linalg.eigvals(companion)
     real = np.where((np.abs(roots.imag) < 1e-7 * np.abs(roots)) & (roots.real > 0.0), roots.real, 0.0)
     return np.asarray(linear / real.max(axis=1))

@@ -64,7 +64,7 @@ _FIRST_LEAD, _MOST_RESISTANCE = 0.01, 1.0  # of leads, to start from and the lar
 _LEAST_TURN = 0.3
 _STRONG = 0.5  # of the largest coupling, assumed: a weaker mode may be one that stands for losses
 _AT_LIMIT = 1e-6  # relative distance from the end of the band, below which such a mode is at its limit
-_SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and 0
+_SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups or leads below are chance in 399 of 400 spectra
 
 
 @dataclass(frozen=True)
@@ -341,6 +341,7 @@ class _Problem:
 
     def reweighted(self, parameters: Vector) -> Vector:
         """Descend with deviations at the fitted admittances and errors of measurement from the residuals."""
+        self.noise, self.deviation = dict(self.noise), dict(self.deviation)  # copies of the problem share them
         for name, spectrum in self.ports.items():
             measured = spectrum.admittance_s
             fitted = self.model(parameters, name, spectrum.frequency_hz)[0] * self.unit_s
@@ -416,9 +417,8 @@ class _Problem:
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
         # each behind its own resistance, as far as the other group's does not matter
-        a, b = (
-            y / (1.0 - r * y / self.unit_s) for r, y in ((self.leads[0], first.admittance_s), (self.leads[1], second))
-        )
+        pairs = zip(self.leads[:2], (first.admittance_s, second), strict=True)
+        a, b = (y / (1.0 - r * y / self.unit_s) for r, y in pairs)
         trace = Spectrum.from_admittance(frequency, a + b, source="The sum of A and B")
         modes, timeout, progress = self.search
         fit = fit_one_port(trace, modes, leads=False, timeout=timeout, progress=progress)
@@ -446,18 +446,19 @@ class _Problem:
 
     def explained(self, parameters: Vector, leads: bool) -> tuple[_Problem, Vector]:
         """Return the problem with leads, coupled losses or both, if the data ask for them, and its solution."""
-        behind = self.behind_leads(parameters) if leads else (self, parameters)
-        best = behind if behind[0].has_leads(behind[1], self, parameters) else (self, parameters)
+        plain = self, parameters
+        behind = self.behind_leads(parameters) if leads else plain
+        best = behind if behind[0].has_leads(behind[1], *plain) else plain
         coupled = best[0].with_coupled_losses(best[1])
         if coupled[0].gain(coupled[1], *best) <= _TIE:
             return best
-        behind = behind[0].with_coupled_losses(behind[1])
-        return behind if behind[0].has_leads(behind[1], *coupled) else coupled
+        plain, behind = (problem.with_coupled_losses(found) for problem, found in (plain, behind))
+        return behind if behind[0].has_leads(behind[1], *plain) else plain
 
     def behind_leads(self, parameters: Vector) -> tuple[_Problem, Vector]:
         """Return the problem with leads, and its solution from one without."""
-        other, start = self.copied(with_leads=True), parameters.copy()
-        start[_RESISTANCES] = _FIRST_LEAD
+        other, start = copy(self), parameters.copy()
+        other.with_leads, start[_RESISTANCES] = True, _FIRST_LEAD
         found = other.descend(start)
         better = other.gain(found, self, parameters) > _TIE
         if better or not self.white(parameters):
@@ -470,14 +471,9 @@ class _Problem:
 
     def with_coupled_losses(self, parameters: Vector) -> tuple[_Problem, Vector]:
         """Return the problem with losses that couple the modes, and its solution from one without."""
-        other = self.copied(coupled=True)
-        return other, other.reweighted(other.pruned(other.descend(parameters)))
-
-    def copied(self, **changes: Any) -> _Problem:
-        """Return a copy with other fields and weights of its own."""
         other = copy(self)
-        vars(other).update(changes, noise=dict(self.noise), deviation=dict(self.deviation))
-        return other
+        other.coupled = True
+        return other, other.reweighted(other.pruned(other.descend(parameters)))
 
     def pruned(self, parameters: Vector) -> Vector:
         """Return the solution without the modes for which Schwarz's criterion does not ask, if their number is free."""
@@ -487,14 +483,17 @@ class _Problem:
         return parameters
 
     def has_leads(self, parameters: Vector, rival: _Problem, others: Vector) -> bool:
-        """Whether the leads of a solution that resembles noise are needed and turn the modes by enough."""
+        """Whether leads of a solution that resembles noise are needed and significant, and turn the modes by enough."""
         _, log_quality, *couplings = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T
         strong = np.hypot(*couplings[:2]) > _STRONG * np.hypot(*couplings[:2]).max(initial=0.0)
         # leads turn the modes by 2ωRC, and losses that couple modes by a share of 1/Q
         turned = 2.0 * parameters[_LEADS] * np.exp(np.tile(parameters[:2], 2))
         inside = parameters[_RESISTANCES] < self.bounds(parameters)[1][_RESISTANCES]
         large = np.max(turned) * np.exp(log_quality[strong].min(initial=inf)) > _LEAST_TURN
-        return bool(large and np.all(inside) and self.white(parameters) and self.gain(parameters, rival, others) > _TIE)
+        if not (large and np.all(inside) and self.white(parameters) and self.gain(parameters, rival, others) > _TIE):
+            return False
+        error = np.sqrt(np.diag(self.covariance(parameters))[_RESISTANCES])
+        return bool(np.any(parameters[_RESISTANCES] > _SIGNIFICANT * error))
 
     def white(self, parameters: Vector) -> bool:
         """Whether the residuals resemble noise: most of the points are independent."""

@@ -314,10 +314,9 @@ def test_a_crack_that_moves_two_of_three_modes_is_one_in_the_body() -> None:
     """The third mode is stiffer, within the tolerances of manufacture: no crack does that, and none has to."""
     motor = pr.load_motor("bimodal40")
     changed = {f"modes.{mode}.stiffness_n_per_m": share for mode, share in ((1, 1.005), (2, 0.946), (3, 0.923))}
-    cracked = pr.admittance(faults.scaled(motor, changed), start=35e3, stop=44e3, points=900)
+    cracked = pr.admittance(faults.scaled(motor, changed), start=35e3, stop=44e3, points=450)
     spectrum = pr.Spectrum.from_admittance(cracked.frequency_hz, cracked.matrix_s).driven("A")
-    first = one(spectrum, motor).diagnosis.causes[0]
-    assert (first.name, first.probability > 0.9) == (causes.BODY, True)
+    assert [cause.name for cause in one(spectrum, motor).diagnosis.causes if cause.probability > 0.9] == [causes.BODY]
 
 
 @pytest.mark.soak

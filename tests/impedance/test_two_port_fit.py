@@ -278,9 +278,8 @@ def behind_leads(name: str, seed: int, *ohms: float) -> np.ndarray:
     motor = faults.motor(name)
     swept = pr.admittance(motor, start=36e3, stop=44e3, points=500, state="free")
     jw = 2j * np.pi * swept.frequency_hz[:, None, None]
-    matrix = np.linalg.inv(
-        np.linalg.inv(swept.matrix_s) + np.diag(ohms or (0.0, 0.0)) + 1e-6 * bool(ohms) * jw * np.eye(2)
-    )
+    ahead = np.diag(ohms or (0.0, 0.0)) + 1e-6 * bool(ohms) * jw * np.eye(2)
+    matrix = np.linalg.inv(np.linalg.inv(swept.matrix_s) + ahead)
     fit = pr.fit_spectrum(with_noise(swept.frequency_hz, matrix, 1e-3, seed))
     assert list(fit.leads)[:2] == ["resistance_a_ohm", "resistance_b_ohm"][: len(ohms)]
     errors = [value for mode in fit.modes for value in mode.standard_errors.values()]
@@ -304,11 +303,11 @@ def test_intervals_hold_behind_leads(name: str, ohms: tuple[float, ...]) -> None
 def test_a_resistance_in_front_of_a_pressed_stator_is_within_its_interval(name: str) -> None:
     """The contact couples the modes, as a resistance does; without that a fit is off by 5 to 24 errors."""
     low, high = faults.MOTORS[name][2]
-    swept = pr.admittance(faults.motor(name), start=low, stop=high, points=500, state="preloaded")
+    swept = pr.admittance(faults.motor(name), start=low, stop=high, points=250, state="preloaded")
     matrix = np.linalg.inv(np.linalg.inv(swept.matrix_s) + 114.0 * np.eye(2))
     fit = pr.fit_spectrum(with_noise(swept.frequency_hz, matrix, 1e-3, 1))
-    for lead in ("resistance_a_ohm", "resistance_b_ohm"):
-        assert abs(fit.leads[lead] - 114.0) < 3.0 * fit.lead_standard_errors[lead] < 100.0
+    ohms, errors = (np.array([*one.values()][:2]) for one in (fit.leads, fit.lead_standard_errors))
+    assert np.all((np.abs(ohms - 114.0) < 3.0 * errors) & (errors < 33.0))
 
 
 def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spectrum) -> None:
@@ -321,7 +320,7 @@ def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spe
     assert problem.doubtful(invented) == len(fitted)
 
 
-@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize("flat", mostly(pytest.mark.soak, [False, True], [True]))
 def test_intervals_hold_with_and_without_the_dispersion_of_the_loss(flat: bool) -> None:
     f = np.linspace(36e3, 46e3, 400)
     s, deviations = 2j * np.pi * f, []
@@ -333,8 +332,7 @@ def test_intervals_hold_with_and_without_the_dispersion_of_the_loss(flat: bool) 
         w = 2.0 * np.pi * frequency
         matrix = matrix + (s / (s**2 + s * w / quality + w**2))[:, None, None] * np.outer(theta, theta)
     for seed in range(8):
-        error = np.random.default_rng(seed).standard_normal((2, *matrix.shape)) * 1e-3 / np.sqrt(2.0)
-        fit = pr.fit_spectrum(pr.Spectrum.from_admittance(f, matrix * (1.0 + error[0] + 1j * error[1])))
+        fit = pr.fit_spectrum(with_noise(f, matrix, 1e-3, seed))
         assert fit.loss_dispersion != flat
         deviations.append((found(fit) - np.ravel(modes)) / [v for m in fit.modes for v in m.standard_errors.values()])
     assert 0.90 <= np.mean(np.abs(deviations) < 1.96) <= 0.98
