@@ -646,8 +646,8 @@ def _report(
         cautions = [*cautions, f"{caution} The modes are those behind it."]
     if problem.coupled:
         ohm = engineering(float(np.max(problem.resembled(parameters))) / problem.unit_s, "Ω")
-        caution = "The losses couple the modes, as those of a contact do, which a resistance in front of each group"
-        cautions = [*cautions, f"{caution} resembles: the errors contain {ohm}."]
+        caution = "The losses couple the modes, as those of a contact do. A resistance in front of each group resembles"
+        cautions = [*cautions, f"{caution} that: the errors contain {ohm}. Measure the free stator to separate them."]
     worst = max(errors.values())
     if worst > FINEST and not problem.white(parameters):
         cautions = [*cautions, misfit("The modes do not follow the spectra", worst, "up to ")]
