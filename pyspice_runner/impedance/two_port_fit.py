@@ -29,6 +29,7 @@ from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from pyspice_runner.errors import ParameterError, SpectrumError, require
 from pyspice_runner.files import save_by_ending
@@ -386,11 +387,27 @@ class _Problem:
         variance = descent.variance(cost, self.count, len(free), self.independent(parameters), stated)
         covariance = np.zeros_like(hessian)
         covariance[np.ix_(free, free)] = descent.inverse(hessian[np.ix_(free, free)]) * variance
+        if self.with_leads:
+            covariance = self.within_bounds(covariance, parameters)
         others, moved = np.setdiff1d(free, _RESISTANCES), np.eye(len(parameters))[:, _RESISTANCES]
         # with a resistance that the losses resemble, all values move
         moved[others] = -descent.inverse(hessian[np.ix_(others, others)]) @ hessian[others][:, _RESISTANCES]
         moved = moved * self.resembled(parameters)
         return covariance + moved @ moved.T
+
+    def within_bounds(self, covariance: Vector, parameters: Vector) -> Vector:
+        """Return the covariance of all parameters where the normal distribution of leads is cut off at their bounds.
+
+        Second moments about the fitted values: N. L. Johnson, S. Kotz, N. Balakrishnan, Continuous Univariate
+        Distributions, volume 1, 2nd edition, Wiley 1994, chapter 13, section 10.1.
+        """
+        of_leads = covariance[np.ix_(_LEADS, _LEADS)]
+        error = np.sqrt(np.diag(of_leads))
+        low, high = ((bound - parameters)[_LEADS] / error for bound in self.bounds(parameters))
+        at_low, at_high = (end * np.exp(-0.5 * end**2) / sqrt(2.0 * pi) for end in (low, high))
+        square = np.maximum(1.0 + (at_low - at_high) / (ndtr(high) - ndtr(low)), 0.0)
+        slope = covariance[:, _LEADS] @ descent.inverse(of_leads)
+        return np.asarray(covariance - slope @ (of_leads * (1.0 - np.sqrt(np.outer(square, square)))) @ slope.T)
 
     def resembled(self, parameters: Vector) -> Vector:
         """Return the series resistances of both groups that turn the modes in the band as their coupled losses do."""
