@@ -26,8 +26,8 @@ HEAD = """\
 |loop|printed|measured|
 |---|---|---|"""
 SWING_HZ = 0.15  # amplitude of the injected sine, over the half bandwidth of the mode
-# the usual step over that of the measurement, whose edges are seen at the end of a step. With a feedback electrode 2,
-# 3, 4 and 8 give 83.5, 79.7, 79.0 and 79.9°
+# ratio of the usual step to the step of the measurement, at the end of which an edge is seen. With a feedback electrode
+# 2, 3, 4 and 8 give 83.5, 79.7, 79.0 and 79.9°
 FINER = 4.0
 CYCLES = 6
 

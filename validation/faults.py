@@ -26,8 +26,8 @@ from pyspice_runner.impedance import causes
 from pyspice_runner.motor.thermal import Thermal
 from validation.campaign import Campaign, Case
 
-# Developed with the seeds 51, 2051, 3051 and 81177. Two parts of 9127 showed that a hypothesis was dropped by the sign
-# of a size, one of that of the record a mode hidden by leads. Of 9127, 60417 and 77003 50, 48 and 46 of 54 are named.
+# Developed with the seeds 51, 2051, 3051 and 81177, with two parts of 9127 (a hypothesis was dropped for the sign of a
+# size) and one part of 4051 (leads hid a mode). With 9127, 60417 and 77003 the cause of 50, 48 and 46 of 54 is named.
 SEED, DRAWS = 4051, 3
 NOISE, POINTS = 3e-3, 900  # of the magnitude, standard deviation of the complex value
 ROOT = Path(__file__).resolve().parents[1]

@@ -53,7 +53,7 @@ POOR_FIT = "The circuit does not follow the spectrum"
 _DOMINANT = 0.8  # of a standard error by the choice among descriptions: two thirds of the variance
 _LEAST_ADMITTANCE = 1e-30  # S; no device lies below it or above its inverse, and squares leave the range of numbers
 _FREQUENCIES = 1e-9, 1e12  # Hz; outside there are no measurements, and products leave the range of numbers
-_MOVED = 2.0  # ratio of Q by a pair of frequencies to that by half power; a single arm has about 1
+_MOVED = 2.0  # ratio of two definitions of Q, assumed; a single arm has about 1
 _LAST_STEPS = 20  # of the descent with all points, which starts near its end
 _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
 
@@ -237,7 +237,7 @@ class SpectrumFit(Fit):
                 )
                 quality = main["quality_factor"]
                 moved = abs(log(quality / by_width.get("quality_factor", quality))) > log(_MOVED)
-                found[f"main arm by {definition}"] = values + ": not of this arm, neighbours move it" * moved
+                found[f"main arm by {definition}"] = values + ": disturbed by neighbouring arms" * moved
         points = self.main_arm.half_power
         if points is not None:
             found["main arm by its measured points, half power"] = (

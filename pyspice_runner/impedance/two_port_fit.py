@@ -12,9 +12,9 @@ two-port Y_AA, Y_BB and Y_AB) are fitted together by least squares weighted with
 the fit of Y_AA + Y_BB, which shows every mode. Modes beside the band are added where they improve the fit, and leads in
 series with the groups, Y = (Y⁻¹ + Z)⁻¹ with Z = diag(R_A + sL_A, R_B + sL_B), where Schwarz's criterion asks for them.
 
-Losses that couple modes, as those of a contact, make the residue of a pole complex: θ + (s/ω_n + 1/2Q_n) ψ stands for
-θ, to first order in ψ. A series resistance does the same, with ψ = −ω_n C R θ, so that the errors contain resistances
-that turn the modes as much as ψ does.
+Losses that couple modes, such as contact losses, make the residue of a pole complex: θ + (s/ω_n + 1/2Q_n) ψ replaces θ,
+to first order in ψ. A series resistance R has the same effect, with ψ = −ω_n C R θ. The errors therefore contain the
+resistances that have the effect of the fitted ψ.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ _FIRST_LEAD, _MOST_RESISTANCE = 0.01, 1.0  # of leads, to start from and the lar
 _LEAST_TURN = 0.3
 _STRONG = 0.5  # of the largest coupling, assumed: a weaker mode may be one that stands for losses
 _AT_LIMIT = 1e-6  # relative distance from the end of the band, below which such a mode is at its limit
-_SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups or leads below are chance in 399 of 400 spectra
+# standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and so is a lead
+_SIGNIFICANT = 3.0
 
 
 @dataclass(frozen=True)
@@ -321,8 +322,15 @@ def clamped(loss_tangent: float, frequency_hz: Vector, branches: int | None = No
 class _Problem:
     """The joint least-squares problem of several connections, in units of its own."""
 
-    def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None, *search: Any) -> None:
-        self.ports, self.search = ports, search  # number of modes, time limit in s, and progress, as of one port
+    def __init__(
+        self,
+        ports: Mapping[str, Spectrum],
+        noise: Mapping[str, float] | None,
+        modes: int | None = None,
+        timeout: float | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.ports, self.modes, self.timeout, self.progress = ports, modes, timeout, progress  # as of one port
         self.branches: int | None = None  # of the loss, one of _LOSSES
         first, second = ports["A"], ports["B"]
         self.low = max(first.frequency_hz[0], second.frequency_hz[0])
@@ -359,8 +367,8 @@ class _Problem:
     def solved(self) -> Vector:
         """Return the solution with the significant modes in the band and beside it."""
         parameters = self.lossy(self.start())
-        most = _GLOBALS + _PER_MODE  # a last mode may be hidden by leads
-        while not self.search[0] and len(parameters) > most and (doubtful := self.doubtful(parameters)) is not None:
+        fewest = _GLOBALS + _PER_MODE  # leads may hide the last mode
+        while self.modes is None and len(parameters) > fewest and (doubtful := self.doubtful(parameters)) is not None:
             parameters = self.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
         for above in (False, True):
             parameters = self.with_neighbour(parameters, above=above)
@@ -390,7 +398,7 @@ class _Problem:
         if self.with_leads:
             covariance = self.within_bounds(covariance, parameters)
         others, moved = np.setdiff1d(free, _RESISTANCES), np.eye(len(parameters))[:, _RESISTANCES]
-        # with a resistance that the losses resemble, all values move
+        # a resistance in place of coupled losses would move all values
         moved[others] = -descent.inverse(hessian[np.ix_(others, others)]) @ hessian[others][:, _RESISTANCES]
         moved = moved * self.resembled(parameters)
         return covariance + moved @ moved.T
@@ -410,7 +418,7 @@ class _Problem:
         return np.asarray(covariance - slope @ (of_leads * (1.0 - np.sqrt(np.outer(square, square)))) @ slope.T)
 
     def resembled(self, parameters: Vector) -> Vector:
-        """Return the series resistances of both groups that turn the modes in the band as their coupled losses do."""
+        """Return the series resistances of both groups with the effect of coupled losses on the modes in the band."""
         _, log_quality, *couplings = parameters[_GLOBALS:].reshape(-1, _PER_MODE)[self.sides(parameters) == 1].T
         theta, turned = (np.linalg.norm(np.exp(0.5 * log_quality) * part) for part in (couplings[:2], couplings[2:]))
         return np.asarray(turned / theta * np.exp(-parameters[:2]))
@@ -437,8 +445,7 @@ class _Problem:
         pairs = zip(self.leads[:2], (first.admittance_s, second), strict=True)
         a, b = (y / (1.0 - r * y / self.unit_s) for r, y in pairs)
         trace = Spectrum.from_admittance(frequency, a + b, source="The sum of A and B")
-        modes, timeout, progress = self.search
-        fit = fit_one_port(trace, modes, leads=False, timeout=timeout, progress=progress)
+        fit = fit_one_port(trace, self.modes, leads=False, timeout=self.timeout, progress=self.progress)
         start = np.zeros(_GLOBALS)
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
         capacitance = fit.circuit.clamped_capacitance_f * 2.0 * pi * self.reference_hz / self.unit_s
@@ -494,7 +501,7 @@ class _Problem:
 
     def pruned(self, parameters: Vector) -> Vector:
         """Return the solution without the modes for which Schwarz's criterion does not ask, if their number is free."""
-        for at in () if self.search[0] else reversed(range(_GLOBALS, len(parameters), _PER_MODE)):
+        for at in () if self.modes is not None else reversed(range(_GLOBALS, len(parameters), _PER_MODE)):
             fewer = self.descend(np.delete(parameters, np.s_[at : at + _PER_MODE]))
             parameters = fewer if self.gain(fewer, self, parameters) > 0.0 else parameters
         return parameters
@@ -663,8 +670,8 @@ def _report(
         cautions = [*cautions, f"{caution} The modes are those behind it."]
     if problem.coupled:
         ohm = engineering(float(np.max(problem.resembled(parameters))) / problem.unit_s, "Ω")
-        caution = "The losses couple the modes, as those of a contact do. A resistance in front of each group resembles"
-        cautions = [*cautions, f"{caution} that: the errors contain {ohm}. Measure the free stator to separate them."]
+        caution = "The losses couple the modes, as contact losses do. Series resistances have the same effect"
+        cautions = [*cautions, f"{caution}: the errors contain {ohm}. Measure the free stator to separate the two."]
     worst = max(errors.values())
     if worst > FINEST and not problem.white(parameters):
         cautions = [*cautions, misfit("The modes do not follow the spectra", worst, "up to ")]

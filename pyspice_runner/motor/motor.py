@@ -584,7 +584,7 @@ class Motor(Shown, Parameters):
     def cautions(self) -> tuple[str, ...]:
         """What is not known of the motor, and where the theory of its beam or ring ends; every result repeats it.
 
-        What the source of the motor gives, its theory or modes without recoil, is no caution; ``show`` has the limits.
+        A theory, or modes without recoil, that the source of the motor gives are no caution; ``show`` has the limits.
         """
         given = {path for path, origin in self.provenance.items() if origin.kind == "given"}
         of_theory = () if "beam.theory" in given else self.limits_of_theory

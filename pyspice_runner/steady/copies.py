@@ -52,7 +52,7 @@ LEAD = 0.05  # of a period, from the start of a run to that of the period: charg
 # of copies whose transistors start without charge: with a smaller abstol (A) or trtol ngspice often fails there
 OF_ONE, OF_SEVERAL = ({"abstol": abstol, "chgtol": "1e-12", "trtol": "7"} for abstol in ("3e-6", "1e-5"))
 _CANDIDATES = 256  # phases at which a run may start
-_EQUAL = 1e-6  # of a period, by which distances from the edges may differ that rounding errors alone set apart
+_EQUAL = 1e-6  # periods; distances from the edges whose difference is smaller count as equal
 _STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
 _SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
 _CAPACITORS = {"inductor": "start_voltage", "llcc": "start_series_voltage"}  # parameters of those in series
@@ -375,7 +375,7 @@ class Plant:
             for delay in self.front.delays(group).values() or (Delay(1.0, 0.0),):
                 edges += [edge + half for edge in delay.edges(self.front.ahead(group))]
         distances = np.abs((phases[:, np.newaxis] - edges + 0.5) % 1.0 - 0.5).min(axis=1)
-        # the first of the equal ones, so that rounding errors of the parts do not move the period and with it the steps
+        # the first of equal ones: rounding errors of the parts do not choose where the period and its steps begin
         return float(phases[distances > distances.max() - _EQUAL][0] - 0.5 * LEAD)
 
     def bench_texts(self, discretisation: Discretisation, *, meters: bool) -> dict[str, str]:

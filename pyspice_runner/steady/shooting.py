@@ -432,7 +432,7 @@ class Answer:
     found: Mapping[str, float] = field(default_factory=dict)
     error: float = float("nan")  # estimated error of the torque, N·m
     speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
-    method: str = ""  # by which the quantities were found, if they are not those of the point
+    method: str = ""  # by which the quantities were found; empty for the method of the point
     running: Orbit | None = None  # of a time average behind a driver, a period of the running motor
     pins: Mapping[str, tuple[complex, complex]] = field(default_factory=dict)  # as in :class:`.SteadyState`
     contacts: tuple[dict[str, Any], ...] = ()  # of each of several contacts, as in :class:`.SteadyState`

@@ -273,8 +273,8 @@ def settled(point: Point, accuracy: float = ACCURACY, *, averages: bool = True) 
     (state,) = steady_states([point], accuracy=accuracy, waveforms=True, averages=averages)
     if state.failure:
         raise state.failure
-    faster, unit = too_fast(point.motor.to_dict(), state.speed_rad_s), "N" if point.motor.slider else "N·m"
-    if faster and point.load.torque:
+    unit = "N" if point.motor.slider else "N·m"
+    if point.load.torque and (faster := too_fast(point.motor.to_dict(), state.speed_rad_s)):
         raise ParameterError(
             f"load_torque = {point.load.torque:g} {unit} is not valid: the contact gives {state.torque_n_m:.3g} "
             f"{unit}, and the load drives the shaft. {faster[0]}"

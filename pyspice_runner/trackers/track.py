@@ -46,7 +46,7 @@ LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
 CROSSINGS = 4  # of the target in the second half of a run, with which a loop oscillates: two cycles
-HUNTS_DEG = 5.0  # from peak to peak in both quarters of it, from which on a locked loop hunts
+HUNTS_DEG = 5.0  # peak to peak in both quarters of it, from which on a locked loop hunts, assumed
 SAME = 1e-6  # relative difference of couplings that rounding explains
 AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off over the last 50 mV of 5 V
 
@@ -627,7 +627,7 @@ def _track_full(run: TrackedRun, progress: Callable[[float, float], object] | No
 
 
 def _rings(source: TrackedSource, force: Complex, frequency: float) -> Iterator[str]:
-    """Yield a caution where the harmonics of a bridge move an edge of the force at the detector of a loop far."""
+    """Yield a caution where the harmonics of a bridge move an edge at the detector by half the limit of lock."""
     orders, turns = np.arange(1, len(force) + 1), np.linspace(-0.5, 0.5, 50 * len(force))
     seen = force * source.low_pass(orders * frequency)
     waves = (seen * np.exp(-1j * orders * np.angle(seen[0])) @ np.exp(2j * pi * np.outer(orders, turns))).imag
@@ -635,9 +635,9 @@ def _rings(source: TrackedSource, force: Complex, frequency: float) -> Iterator[
     if source.filtered and source.tracker.kind == "pll" and moved > 0.5 * LOCKED_DEG:
         most = int(np.argmax(np.abs(force[1:]))) + 1
         yield (
-            f"Harmonics move the edge of the voltage that the detector sees by {moved:.2g}°, as that at "
-            f"{engineering(orders[most] * frequency, 'Hz')}, {abs(force[most] / force[0]):.2g} times the fundamental, "
-            "near which the network resonates. Change the network by --part, or take another one."
+            f"Harmonics move the edge of the voltage at the detector by {moved:.2g}°. The network resonates near "
+            f"{engineering(orders[most] * frequency, 'Hz')}, a harmonic of {abs(force[most] / force[0]):.2g} times the "
+            "fundamental. Change the network by --part, or take another one."
         )
 
 

@@ -562,7 +562,7 @@ class TrackedSource(Source):
         return self.driver is not None and self.driver.switched
 
     def low_pass(self, frequency: Any) -> Any:
-        """Return what these filters pass at a frequency in Hz, or at an array of them; 1 without them."""
+        """Return the transfer function of these filters at frequencies in Hz; 1 without filters."""
         ratio = np.asarray(frequency) / self.tracker.frequency
         return 1.0 / (1.0 - ratio**2 + 1j * ratio) if self.filtered else 1.0
 
@@ -716,7 +716,8 @@ Helectrode motional 0 Velectrode -1
 
     def _add_low_passes(self, circuit: Circuit) -> tuple[str, ...]:
         """Add these filters; return their outputs. The rate of the force is in phase with the current of its filter."""
-        omega, ohm = 2.0 * pi * self.tracker.frequency, 1e3  # of all parts at the corner: Q is 1; amperes stall ngspice
+        # impedance of all parts at the corner, so that Q is 1; with 1 Ω and amperes ngspice did not converge
+        omega, ohm = 2.0 * pi * self.tracker.frequency, 1e3
         circuit.raw_spice += "* equal low-pass filters against harmonics of the bridge\n"
         for name in ("motional", "force"):
             circuit.raw_spice += f"""\

@@ -51,7 +51,7 @@ def test_a_sweep_has_the_phase_of_its_frequency() -> None:
     assert found["v(a)"] == pytest.approx(expected, abs=1e-3)
 
 
-def test_the_maxima_of_events_are_those_of_their_time_and_excess_is_told() -> None:
+def test_the_maxima_of_events_are_those_of_their_time_and_excess_is_a_caution() -> None:
     """Without a network the pins have the amplitude of the source, but for samples beside a peak; 200 V on 0.8 mm."""
     strong = DRIVER.updated({"voltage": 200.0})
     setup = Point.of(MOTOR.updated({"limits.field_v_per_m": 2e5}), strong, audit=False)
@@ -61,8 +61,7 @@ def test_the_maxima_of_events_are_those_of_their_time_and_excess_is_told() -> No
     for event in (LOAD_STEP, SWEEP):
         assert found[event]["voltage_a_v"] == pytest.approx(200.0, rel=2e-3)
     assert found[STOP]["voltage_a_at_s"] < 1.51e-3
-    told = event_cautions(setup, found)
-    assert sum("Group A reaches 2" in sentence for sentence in told) == 1  # one caution for all events
+    assert sum("Group A reaches 2" in one for one in event_cautions(setup, found)) == 1  # one caution for all events
 
 
 CAPACITANCE = ratings("IRF610").output_capacitance

@@ -426,6 +426,7 @@ def test_the_command_designs_a_driver_for_a_rail_and_a_load(capsys: pytest.Captu
     assert set(design["parts"][0]) == set(PartLoad.__dataclass_fields__)
     assert "transformer" in (tmp_path / "driver.cir").read_text(encoding="utf-8")
     assert "never drives 0.5 N·m" in printed([*words[:-1], "0.5"], capsys)["design"]["reason"]
+    assert "less than the load of 0.5" in printed([*words[:-1], "0.5", "--speed", "20"], capsys)["design"]["reason"]
 
 
 @pytest.mark.parametrize(

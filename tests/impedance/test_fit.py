@@ -213,10 +213,10 @@ def test_the_definitions_of_a_strong_resonance_agree_and_are_those_of_its_arm() 
         assert pair["coupling_factor"] == pytest.approx(np.sqrt(0.05 / 1.05), rel=1e-3)
 
 
-def test_frequencies_that_neighbours_move_are_named() -> None:
+def test_definitions_that_neighbouring_arms_disturb_are_named() -> None:
     circuit = resonator([20e3, 20.2e3], [400.0, 400.0], [0.05, 0.02], loss_tangent=1e-4)
     fit = pr.fit_spectrum(spectrum(circuit, np.linspace(19.5e3, 21e3, 601), noise=1e-3))
-    moved = [name for name, words in fit.summary().items() if "not of this arm, neighbours move it" in words]
+    moved = [name for name, words in fit.summary().items() if "disturbed by neighbouring arms" in words]
     assert moved == [f"main arm by {pair}" for pair in ("fs, fp", "fm, fn", "fr, fa")]
 
 

@@ -301,7 +301,7 @@ def test_intervals_hold_behind_leads(name: str, ohms: tuple[float, ...]) -> None
 
 @pytest.mark.parametrize("name", mostly(pytest.mark.soak, faults.MOTORS, ["bimodal40"]))
 def test_a_resistance_in_front_of_a_pressed_stator_is_within_its_interval(name: str) -> None:
-    """The contact couples the modes, as a resistance does; without that a fit is off by 5 to 24 errors."""
+    """The losses of the contact couple the modes; a fit without them is off by 5 to 24 errors."""
     low, high = faults.MOTORS[name][2]
     swept = pr.admittance(faults.motor(name), start=low, stop=high, points=250, state="preloaded")
     matrix = np.linalg.inv(np.linalg.inv(swept.matrix_s) + 114.0 * np.eye(2))
@@ -313,7 +313,7 @@ def test_a_resistance_in_front_of_a_pressed_stator_is_within_its_interval(name: 
 def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spectrum) -> None:
     rng = np.random.default_rng(5)
     ports = {name: with_error(two_port.driven(name), "proportional", 3e-3, rng) for name in CONNECTIONS}
-    problem = _Problem(ports, {"proportional": 3e-3}, 2, None, None)
+    problem = _Problem(ports, {"proportional": 3e-3}, 2)
     fitted = problem.descend(problem.start())
     assert problem.doubtful(fitted) is None
     invented = problem.descend(np.concatenate([fitted, [0.0, 4.0, 1e-4, 1e-4, 0.0, 0.0]]))

@@ -107,7 +107,7 @@ def test_an_estimate_that_cannot_be_computed_is_of_unknown_size(monkeypatch: pyt
 
 def test_every_result_of_a_high_beam_has_its_cautions(capsys: pytest.CaptureFixture[str]) -> None:
     motor = changed_motor("andersen2002", {"beam.recoil": True, "beam.theory": "bernoulli-euler"})
-    assert len(motor.cautions) == 2  # the user specifies the theory; in the set it is that of the paper
+    assert len(motor.cautions) == 2  # the user specifies the theory, not the paper
     drive = pr.default_drive(motor)
     brief = simulated(motor, drive, duration=2e-4)
     for result in (
